@@ -74,6 +74,7 @@ def _sweep(args: argparse.Namespace, settings: "Training", designs: list[int]) -
             raise ValueError("figures: they need metrics; give --sweep")
         return None
     table = read_sweep_table(args.sweep)
+    table.check_published(args.sweep)
     for name in ("radius", "time_step", "steps"):
         swept, trained = getattr(table.settings, name), getattr(settings.task, name)
         if swept != trained:

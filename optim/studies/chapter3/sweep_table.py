@@ -20,6 +20,8 @@ from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats, Ints
 
 COLUMNS = ("design", "all", "any")
+PUBLISHED_COUNTS = {162: (1517, 2339), 6553: (26, 1830)}  # all, any, of the published sweep, which tell it from others
+ROUNDING = 10  # controllers that another machine may count otherwise
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +32,7 @@ class SweepTable:
     solving_all: Ints  # controllers that succeed in all environments
     solving_any: Ints  # controllers that succeed in at least one
     settings: Sweep  # of the sweep
+    assumed: bool = False  # whether nothing tells these settings
 
     @classmethod
     def of(cls, designs: ArrayLike, overlaps: NDArray[Any], settings: Sweep, environments: int = 4) -> "SweepTable":
@@ -59,7 +62,30 @@ class SweepTable:
         if missing.size:
             raise ValueError(f"sweep: {missing.size} of {wanted.size} bodies are missing, design {missing[0]} first")
         at = np.searchsorted(self.designs, wanted)
-        return SweepTable(wanted, self.solving_all[at], self.solving_any[at], self.settings)
+        return SweepTable(wanted, self.solving_all[at], self.solving_any[at], self.settings, self.assumed)
+
+    def check_published(self, path: Path) -> None:
+        """Refuse a table, read from a path, whose settings nothing tells and whose counts are not the published ones.
+
+        Raises:
+            ValueError: if a body that tells differs, or none of these is there.
+        """
+        if not self.assumed:
+            return
+        known = [n for n in PUBLISHED_COUNTS if n in self.designs]
+        told = f"{path} does not tell its radius"
+        if not known:
+            names = " and ".join(map(str, PUBLISHED_COUNTS))
+            raise ValueError(f"sweep: {told}, nor has it designs {names}, whose counts do; give the sweep's folder")
+        for design in known:
+            at = int(np.searchsorted(self.designs, design))
+            counts, published = (int(self.solving_all[at]), int(self.solving_any[at])), PUBLISHED_COUNTS[design]
+            if max(abs(a - b) for a, b in zip(counts, published, strict=True)) > ROUNDING:
+                here, there = ("{} of {}".format(*each) for each in (counts, published))
+                raise ValueError(
+                    f"sweep: {told}, and design {design} has {here} there, not {there} as in the published sweep; "
+                    "give the sweep's folder"
+                )
 
     def write(self, path: Path) -> None:
         """Write design, all, any, M_L and M_CI as CSV."""
@@ -80,8 +106,8 @@ def read_sweep_table(path: Path) -> SweepTable:
         if not numbered:
             raise ValueError(f"{path}: holds no body of the published grid yet")
         return SweepTable.of(list(numbered), overlaps_of(list(numbered.values()), settings, path), settings)
-    beside = (each for each in (path.parent, path.parent / "overlaps") if holds_sweep(each))
-    settings = next(map(read_sweep_settings, beside), Sweep())
+    beside = [each for each in (path.parent, path.parent / "overlaps") if holds_sweep(each)]
+    settings = read_sweep_settings(beside[0]) if beside else Sweep()
     header, rows = read_table(path)
     try:
         numbers = np.array([list(map(int, row[: len(COLUMNS)])) for row in rows], np.int64).reshape(-1, len(COLUMNS))
@@ -91,7 +117,7 @@ def read_sweep_table(path: Path) -> SweepTable:
     whole = (every >= 0) & (some >= every) & (some <= settings.weights**2) & (designs >= 1) & (designs <= DESIGNS)
     if tuple(header[: len(COLUMNS)]) != COLUMNS or not len(numbers) or not whole.all() or (np.diff(designs) <= 0).any():
         raise ValueError(f"{path}: is not the table of a sweep, with columns {','.join(COLUMNS)}, ascending by design")
-    table = SweepTable(designs, every, some, settings)
+    table = SweepTable(designs, every, some, settings, assumed=not beside)
     if not _has_metrics(table, header, rows):
         raise ValueError(
             f"{path}: its M_L is not of {settings.weights} x {settings.weights} controllers; give the sweep's folder"

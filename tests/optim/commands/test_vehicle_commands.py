@@ -1,6 +1,7 @@
 """``morpholab sweep`` and ``morpholab train``."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -9,6 +10,7 @@ from optim.studies.chapter4.training import read_training_table
 
 pytestmark = pytest.mark.kernels
 
+WIDE = Path(__file__).parents[3] / "docs/data/vehicle-sweep-radius-0.2.csv.gz"
 BRIEF = "--radius 1 --time-step 0.5 --steps 1000 --quiet"
 SWEEP = f"sweep --designs 162,6553 --weights 9 {BRIEF}"
 TRAIN = f"train --designs 80,100-103,162,6553 --repetitions 2 --budget-evaluations 60 --seed 3 {BRIEF}"
@@ -102,6 +104,7 @@ BAD_LINES = [
     ("train --designs 1 --out new --sweep nothing", "nothing: cannot be read (No such file or directory)"),
     ("train --designs 1 --out new --sweep file.txt", "file.txt: is not the table of a sweep"),
     ("train --designs 1 --out new --sweep .", ".: holds no sweep"),
+    (f"train --designs 1 --out new --sweep {WIDE}", f"sweep: {WIDE} does not tell its radius, and design 162 has 1759"),
 ]
 
 

@@ -269,6 +269,18 @@ def test_the_committed_table_of_the_complete_sweep_is_of_the_published_grid():
     )
 
 
+def test_a_table_alone_is_of_the_published_sweep_only_if_its_counts_say_so(tmp_path):
+    data = Path(__file__).parents[3] / "docs/data"
+    read_sweep_table(data / "vehicle-sweep.csv.gz").check_published(data)
+    wide = read_sweep_table(data / "vehicle-sweep-radius-0.2.csv.gz")
+    told = r"not tell its radius, and design 6553 has 54 of 3348 there, not 26 of 1830 as in the published sweep; give"
+    with pytest.raises(ValueError, match=told):
+        wide.rows([1, 6553]).check_published(data)
+    with pytest.raises(ValueError, match="not tell its radius, nor has it designs 162 and 6553, whose counts do; give"):
+        wide.rows([1]).check_published(data)
+    replace(wide, assumed=False).check_published(data)
+
+
 def test_the_compressed_table_of_the_published_sweep_can_be_read(tmp_path):
     import gzip
 
