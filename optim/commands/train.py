@@ -97,6 +97,7 @@ def _report(table: "TrainingTable", sweep: "SweepTable | None", out: Path, files
         lines.append(
             f"  {row['method']}: {row['solved']} of {counted(row['runs'], 'run')} solved all environments, "
             f"on average {row['mean_evaluations']:.1f} evaluations"
+            f"{', failures with all that they used up' if row['solved'] < row['runs'] else ''}"
         )
     if metrics:
         lines.append("Pearson's r with its 95 % interval, of evaluations and metrics (of runs; of bodies, their means)")

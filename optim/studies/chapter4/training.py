@@ -309,6 +309,12 @@ STUDY = Study(
 )
 
 
+def _median(spent: Ints, solved: Bools, budget: int) -> float | str:
+    """Median of the evaluations until success, those of failures above all others; a text if that is beyond them."""
+    found = float(np.median(np.where(solved, spent, np.inf)))
+    return found if np.isfinite(found) else f"more than {budget}"
+
+
 def report(folder: Path) -> StudyReport:
     """What a report tells of training; raises ValueError if there is no table yet."""
     settings, found = read_settings(folder, "training"), read_training_table(folder / "runs.csv")
@@ -326,10 +332,11 @@ def report(folder: Path) -> StudyReport:
         "Runs of each method",
         ("Method", "Runs", "Solve all", "Evaluations, mean", "Median"),
         [
-            (name, solved.size, int(solved.sum()), float(spent.mean()), float(np.median(spent)))
+            (name, solved.size, int(solved.sum()), float(spent.mean()), _median(spent, solved, budget))
             for name, spent, solved in methods
         ],
         digits=1,
+        note="A run that fails counts with all that it used up in the mean, and as longest of all in the median.",
         charts={words: draw},
         size=(5.0, 3.0),
     )

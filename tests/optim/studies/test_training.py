@@ -281,6 +281,17 @@ def test_a_table_alone_is_of_the_published_sweep_only_if_its_counts_say_so(tmp_p
     replace(wide, assumed=False).check_published(data)
 
 
+def test_the_report_takes_no_budget_for_a_median(tmp_path):
+    """The median of trials of which half or fewer succeed is beyond the budget."""
+    ResultsFolder(tmp_path, "training", replace(BRIEF, budget=60).describe())
+    spent = np.array([[[5, 60, 60]], [[5, 9, 60]], [[5, 7, 9]]])
+    table = TrainingTable(("random", "nes", "de"), np.array([162]), spent, spent < 60)
+    table.write(tmp_path / "runs.csv")
+    (section,) = training.report(tmp_path).sections
+    assert [row[-1] for row in section.rows] == ["more than 60", 9.0, 7.0]
+    assert section.rows[0][3] == pytest.approx(125 / 3) and "fails counts with all that it used up" in section.note
+
+
 def test_the_compressed_table_of_the_published_sweep_can_be_read(tmp_path):
     import gzip
 
