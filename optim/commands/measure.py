@@ -143,19 +143,30 @@ def _lines(robot: Robot, environments: "Environments", found: "BodyMetrics") -> 
     lines.append(f"M_L, succeed in all: {_share(sampled.learnability)}")
     lines.append(f"M_CI, of those that succeed in any: {_share(sampled.resistance)}; {sampled.alone:.4f} by chance")
     if found.mutations is not None:
-        lines.append(_mutations(found.mutations))
+        lines.append(_mutations(found.mutations, _missing(robot, environments)))
     if found.felt is not None:
         distance, low, high, number = found.felt
         lines.append(f"homeostasis: {distance:.4g} ({low:.4g} to {high:.4g}), of {counted(number, 'controller')}")
     return lines
 
 
-def _mutations(found: "SeveralRuns") -> str:
-    """M1 to M4: of a run, or their means over runs."""
+def _missing(robot: Robot, environments: "Environments") -> str:
+    """What M1 counts: a part of the bound that is missing, or where that is 0, of which there are no parts, units."""
+    units = {measure.name: measure.unit for measure in robot.measures}
+    firsts = [bounds[0] for bounds in environments.success]
+    none = dict.fromkeys(units[each.measure] for each in firsts if not each.bound)
+    if not none:
+        return " of the bound missing"
+    spoken = " or ".join(unit or "units of the measure" for unit in none)
+    return f" {spoken} missing" if not any(each.bound for each in firsts) else f" of the bound ({spoken} if 0) missing"
+
+
+def _mutations(found: "SeveralRuns", missing: str) -> str:
+    """M1 to M4: of a run, or their means over runs; ``missing``: what M1 counts."""
     runs = len(found.runs)
     whose = "the champion" if runs == 1 else f"the champions of {runs} runs"
     told = (
-        ("M1", found.worst, ".4g", " of the bound missing"),
+        ("M1", found.worst, ".4g", missing),
         ("M2", found.angle, ".1f", " degrees"),
         ("M3", found.length, ".4g", ""),
         ("M4", found.share, ".3f", ""),

@@ -92,7 +92,7 @@ class BodyMetrics:
         succeeded: which controllers succeeded where, shape (N, E).
         sampled: M_L, M_CI.
         mutations: M1 to M4 of each run of the climbers, and their means; distances are margins below the bounds, in
-            bounds. None without climbers.
+            bounds, or in the measure's unit where the bound is 0. None without climbers.
         felt: mean warping distance between what controllers that succeed everywhere feel in two environments, with its
             95 % interval, and how many these were; None if none does, or the robot feels nothing.
     """
@@ -223,7 +223,10 @@ class Tries:
         return {"succeeded": np.stack(kept, axis=1)}
 
     def shortfalls(self, points: Floats) -> Floats:
-        """How far each is from the first bound of each environment, in bounds, shape (N, E); NaN where it failed."""
+        """How far each is from the first bound of each environment, shape (N, E); NaN where it failed.
+
+        In bounds, or where the bound is 0, in the unit of its measure.
+        """
         found = []
         for outcome, (bound, *_) in zip(self.outcomes(points), self.environments.success, strict=True):
             sign = 1.0 if bound.sign == ">=" else -1.0

@@ -100,6 +100,16 @@ def test_runs_of_climbers_have_means_with_intervals(capsys, tmp_path):
     assert f", {found['changes']} of the champions of 4 runs: {told}" in said
 
 
+def test_what_is_missing_to_a_bound_of_0_has_a_unit(capsys, tmp_path):
+    """There are no parts of 0 m."""
+    words = "--robot", "vehicle", "--controllers", "4", "--climbers", "2", "--generations", "1", "--threads", "1"
+    for n, (bound, told) in enumerate(((0, "m missing, M2 "), (9, "of the bound missing, M2 "))):
+        out = "--out", str(tmp_path / str(n))
+        assert cli.main(["measure", *words, "--success", f"closest <= {bound}", *out, "--quiet"]) == 0
+        (line,) = [each for each in capsys.readouterr().out.splitlines() if "M1 " in each]
+        assert line.partition("M1 ")[2].partition(" ")[2].startswith(told)
+
+
 def test_more_runs_go_on(capsys, tmp_path):
     """A folder of one run, as all were before there were several, takes more; so does one whose work was killed."""
     one = measured(capsys, *climbing(1), "--out", str(tmp_path / "a"))["mutations"]
