@@ -83,9 +83,8 @@ def solve_phase(robots: ti.template(), count, phase, those):
     unsolved = read(robots, slots.RESIDUAL)
     choose_members(robots, count, rows)
     while left > 0:
-        write(
-            robots, slots.RESIDUAL, select(active > 0.5, unsolved, read(robots, slots.RESIDUAL))
-        )  # of this round only
+        # What earlier rounds left counts no more.
+        write(robots, slots.RESIDUAL, select(active > 0.5, unsolved, read(robots, slots.RESIDUAL)))
         assemble(robots, count, phase, push_out)
         collect(robots, rows)
         solve_base(robots)
