@@ -202,7 +202,15 @@ def _draw(groups: Mapping[str, Sequence[Record]], generations: Sequence[Record],
                 over.step(spent, column(mine, "best"), where="post", color=colour, lw=0.8, ls=style)
             known = [row for row in group if row["speed"] is not None]
             for value, marker in (("speed", "o"), ("hard_speed", "x")):
-                end.plot(column(known, value), [place] * len(known), marker, color=colour, ms=5, fillstyle="none")
+                end.plot(
+                    column(known, value),
+                    [place] * len(known),
+                    marker,
+                    color=colour,
+                    ms=5,
+                    fillstyle="none",
+                    clip_on=False,
+                )
         over.set(xlabel="spent [million robot-steps]", ylabel="best so far, by own score [BL/s]")
         end.axvline(0.0, color="0.7", linewidth=0.6)
         # What slides down may be tens of times as fast as what climbs.
