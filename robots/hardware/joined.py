@@ -82,7 +82,7 @@ def _fault(channel: Channel, passed: Floats, line: Floats, whole: float | None) 
     if abs(way) <= ARRIVED:
         return ""
     share = 1.0 if whole is None else min(abs(way) / whole, 1.0)
-    needed = share * (channel.rise_s if way > 0 else channel.fall_s)
+    needed = share * (channel.rise_s if way > 0 else channel.fall_s) * (1 - ARRIVED / abs(way))  # the rest is no way
     arrived = float(passed[np.flatnonzero(np.abs(line - last) > ARRIVED)[-1] + 1])
     taken = min(arrived, float(passed[-1]) - channel.valve_delay_s)
     if taken < needed - CLOSEST - DIGITS:

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from robots.hardware import PneumaticRig, Start, export_csv, gait_table, read_csv
 from robots.hardware.joined import Part, joined_faults
 from robots.inflatable import INCHING, ROLLING
+from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.transition import change_of_shape
 
 RIG = PneumaticRig()
@@ -99,6 +100,15 @@ DELAYED = dataclasses.replace(
     name="delayed",
     channels=tuple(dataclasses.replace(each, valve_delay_s=0.05, slew_kpa_per_s=300.0) for each in RIG.channels),
 )
+
+
+def test_a_line_that_is_nearly_there_as_another_arrives_is_not_too_fast():
+    """Rows are told where lines arrive: another one may be within what counts as arrived then."""
+    levels = np.zeros((10, 2))
+    levels[:2] = [[0.5, 0.99999], [0.5, 0.0]]
+    first = dataclasses.replace(ROLLING, schedule=GaitSchedule(np.zeros((10, 1))))
+    second = dataclasses.replace(ROLLING, schedule=GaitSchedule(levels))
+    assert joined(first, gait_table(second, DELAYED, start=Start.after(first)), rig=DELAYED) == []
 
 
 @settings(max_examples=40)
