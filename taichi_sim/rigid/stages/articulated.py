@@ -189,10 +189,8 @@ def switch_rows(robots: ti.template(), phase, single, last, active):
             kept = select(passed & (low < high), slots.MODE_DRIVEN, mode)
             after = select(driven, beyond, kept)
             rate, passive = read(robots, body + slots.RATE), low >= high
-            below, above = (
-                rate < read(robots, body + slots.LEAST_RATE) - slack,
-                rate > read(robots, body + slots.MOST_RATE) + slack,
-            )
+            below = rate < read(robots, body + slots.LEAST_RATE) - slack
+            above = rate > read(robots, body + slots.MOST_RATE) + slack
             at_stop = select(below, 2.0, select(above, -2.0, mode))
             stopped = (((mode > 0.5) | passive) & below) | (((mode < -0.5) | passive) & above)
             after = select(driven, after, select(stopped, at_stop, after))

@@ -68,7 +68,7 @@ def respond(robots: ti.template(), count):
 
 @ti.func
 def solve_phase(robots: ti.template(), count, phase, those):
-    """Velocities of all bodies, and impulses of hinges and normals that go with them, in ``those`` robots that are 1.
+    """Velocities of all bodies, and impulses that go with them; robots where ``those`` is 0 keep their rows and points.
 
     Rows that are wrong change all at once while that leaves fewer of them; where it goes on in circles, one at a time,
     which ends (Murty), until fewer are wrong than ever before (Portugal, Judice & Vicente, Mathematics of Computation
