@@ -15,6 +15,7 @@ from robots.hardware import PneumaticRig, RigViolation, gait_table, read_design
 from robots.inflatable.actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, WEIGHTS
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.design import BY_HAND, InflatableDesign, common_pressure, kilopascals
+from robots.inflatable.journeys import refusal_of_ground, refusal_of_leg
 from robots.inflatable.kind import InflatableKind
 from robots.inflatable.timing import nominal_steps
 from robots.world import Terrain
@@ -79,6 +80,9 @@ class PipelineTask:
         names = [terrain.name for terrain in self.terrains]
         if not names or len(set(names)) < len(names):
             raise ValueError(f"terrains: {', '.join(names) or 'none'} given; give at least one, and none twice")
+        for terrain in self.terrains:
+            if refusal := refusal_of_ground(terrain):
+                raise ValueError(f"terrains: {refusal}")
         if not self.gaits and self.search is None:
             raise ValueError("gaits: none given, and no search; give gaits to try, or [search]")
         choice("geometry", self.geometry, NAMED_GEOMETRIES)
@@ -109,6 +113,13 @@ class PipelineTask:
                 )
             if common_pressure(design.pressure) is None:
                 raise ValueError(f"gaits: {name} has {kilopascals(design.pressure)}, which no table says; give one")
+            if refusal := refusal_of_leg(design):
+                raise ValueError(f"gaits: {name}: {refusal}")
+            if design.last_pressure != design.pressure:
+                first, last = kilopascals(design.pressure), kilopascals(design.last_pressure)
+                raise ValueError(
+                    f"gaits: {name} begins with {first} and ends with {last}; give one that ends as it began"
+                )
             if refusal := self.refusal(design):
                 raise ValueError(f"gaits: {name}: {refusal}")
         for (first, before), (second, after) in permutations(self.gaits.items(), 2) if len(self.terrains) > 1 else ():

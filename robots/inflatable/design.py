@@ -120,6 +120,12 @@ class InflatableDesign:
             object.__setattr__(self, "bladders", checked_layout("bladders", self.bladders))
             self.check_layout(self.bladders)
 
+    @property
+    def last_pressure(self) -> Pressure:
+        """Pressure of the cores with which the gait ends [Pa]."""
+        core = self.schedule.core_pressure
+        return self.pressure if core is None else checked_pressure(core.T[-1].tolist())
+
     def check_layout(self, bladders: Layout) -> None:
         """Refuse a layout without a bladder that the schedule fills.
 

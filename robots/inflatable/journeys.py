@@ -16,7 +16,7 @@ import numpy as np
 from robots.frames import Frames
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import BLADDER_COUNT, PUBLISHED, InflatableGeometry
-from robots.inflatable.design import InflatableDesign, Pressure, highest_pressure, kilopascals
+from robots.inflatable.design import InflatableDesign, highest_pressure, kilopascals
 from robots.inflatable.program import RobotEvents
 from robots.inflatable.simulation import engine_of, read_poses, travel_directions
 from robots.inflatable.timing import play
@@ -42,12 +42,6 @@ class Leg:
     design: InflatableDesign
     terrain: Terrain
     name: str = ""
-
-    @property
-    def last_pressure(self) -> Pressure:
-        """Pressure of the cores with which the leg ends [Pa]."""
-        core = self.design.schedule.core_pressure
-        return self.design.pressure if core is None else float(core[-1])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -137,6 +131,23 @@ def simulate_journey(
     )
 
 
+def refusal_of_ground(terrain: Terrain) -> str:
+    """Why a journey cannot lead over a terrain; empty if it can."""
+    return f"uneven ground ({terrain.ground}) is not allowed in a journey; give planes" if terrain.ground else ""
+
+
+def refusal_of_leg(design: InflatableDesign) -> str:
+    """Why a gait cannot be a leg of any journey; empty if it can."""
+    core = design.schedule.core_pressure
+    refused = {
+        "materials": design.materials is not None,
+        "bladders of its own": design.bladders is not None,
+        "core pressures of several cores": core is not None and core.ndim == 2,
+    }
+    what = next((what for what, has in refused.items() if has), "")
+    return what and f"a gait with {what} is not allowed in a journey; all legs are of the robot as built"
+
+
 def _check(legs: Sequence[Leg], geometry: InflatableGeometry) -> None:
     """Raise ValueError for legs that cannot be part of one journey or follow each other."""
     if not legs:
@@ -144,24 +155,14 @@ def _check(legs: Sequence[Leg], geometry: InflatableGeometry) -> None:
     if len({leg.terrain.is_fluid for leg in legs}) > 1:
         raise ValueError("legs: ground and a fluid are not allowed in one journey; give one for either")
     for leg in legs:
-        if leg.terrain.ground:
-            raise ValueError(f"legs: uneven ground ({leg.terrain.ground}) is not allowed in a journey; give planes")
-        core = leg.design.schedule.core_pressure
-        refused = {
-            "materials": leg.design.materials is not None,
-            "bladders of its own": leg.design.bladders is not None,
-            "core pressures of several cores": core is not None and core.ndim == 2,
-        }
-        if what := next((what for what, has in refused.items() if has), None):
-            raise ValueError(
-                f"legs: a gait with {what} is not allowed in a journey; all legs are of the robot as built"
-            )
+        if refusal := refusal_of_ground(leg.terrain) or refusal_of_leg(leg.design):
+            raise ValueError(f"legs: {refusal}")
         leg.design.check_layout(geometry.bladders)
     for place, (before, leg) in enumerate(pairwise(legs), 2):
-        if leg.design.pressure != before.last_pressure:
+        if leg.design.pressure != before.design.last_pressure:
             raise ValueError(
                 f"legs: leg {place} begins with {kilopascals(leg.design.pressure)}, but the one before ends with"
-                f" {kilopascals(before.last_pressure)}; put a change of shape between them"
+                f" {kilopascals(before.design.last_pressure)}; put a change of shape between them"
             )
 
 

@@ -1,7 +1,9 @@
 """What a task of the pipeline says, and what it must not say."""
 
 import dataclasses
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from small_pipeline import task_of
 
@@ -12,6 +14,7 @@ from robots.calibration import Properties, save_properties
 from robots.hardware import export_csv
 from robots.inflatable import ACTUATION, INCHING, PUBLISHED, ROLLING, SMALL
 from robots.inflatable.design import save_design
+from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain
 
 
@@ -97,6 +100,10 @@ def test_a_task_says_what_the_ground_is_and_what_bladders_weigh(tmp_path):
         ("terrains = ['moon']", "terrain: 'moon' is unknown"),
         ("terrains = 'flat'", "terrains: 'flat' is not allowed; give names"),
         ("terrains = ['flat']", "gaits: none given, and no search"),
+        (
+            "terrains = ['flat', 'rough:0.01']\ngaits = ['rolling']",
+            "terrains: uneven ground .rough:0.01. is not allowed",
+        ),
         ("terrains = ['flat']\ngaits = ['gone.json']", "gone.json"),
         ("terrains = ['flat']\ngaits = ['rolling', 'rolling']", "gaits: 'rolling' is given twice"),
         ("terrains = ['flat']\ngaits = ['rolling']\nruns = 1", "runs: 1 is not allowed"),
@@ -126,6 +133,19 @@ def test_bad_tasks_are_refused_in_one_line_before_any_simulation(tmp_path, text,
     with pytest.raises(ValueError, match=message) as error:
         task_of(tmp_path, text)
     assert "\n" not in str(error.value)
+
+
+def test_gaits_that_cannot_be_legs_are_refused_before_any_simulation(tmp_path):
+    """A journey would refuse them after minutes of work."""
+    schedule, columns = INCHING.schedule, INCHING.schedule.columns
+    for name, core, message in (
+        ("ends", np.r_[np.zeros(columns - 1), 3e3], "gaits: ends begins with 0 kPa and ends with 3 kPa; give one that"),
+        ("apart", np.zeros((2, columns)), "gaits: apart: a gait with core pressures of several cores is not allowed"),
+    ):
+        own = GaitSchedule(schedule.levels, schedule.repeats, core_pressure=core)
+        save_design(replace(INCHING, schedule=own), tmp_path / f"{name}.json")
+        with pytest.raises(ValueError, match=f"^{message}"):
+            task_of(tmp_path, f"terrains = ['flat']\ngaits = ['{name}.json']")
 
 
 def test_a_rig_with_lines_for_several_cores_is_refused(tmp_path):
