@@ -23,7 +23,7 @@ def squeezed_forces(body: LatticeBody, strains: Any, modulus: Any, ratio: Any, p
     """
     links, axes = body.topology.links, body.topology.link_axes
     ends = [part[:, end] for end in links.T for part in (modulus, ratio)]
-    row = beam_row(ends[0], 1.0, ends[1], 0.0, ends[2], 1.0, ends[3], 0.0, body.voxel_size, 1.0)
+    row = beam_row(ends[0], 1.0, ends[1], 0.0, ends[2], 1.0, ends[3], 0.0, body.voxel_size, 1.0, False)
     axial, transverse, shares = row[AXIAL], row[TRANSVERSE], (row[SHARE_PLUS], row[SHARE_MINUS])
     own = [_voxel_strains(body, axis, strains, shares) for axis in range(3)]
     tense = [_in_tension(body, axis, np.broadcast_to(pulled, (len(strains), 3))) for axis in range(3)]

@@ -46,6 +46,8 @@ class LatticeBody(ShortText):
             times this. To inflate a hollow body, point them away from the cavity.
         chambers: which of several volumes, each closed by its own skin, pressurised voxels enclose, shape (V,); all
             the same one by default. Of several, pressure acts on the closed surfaces, see ``enclosure``.
+        own_damping: whether either end of a link is damped as its own material says, as in the published simulator,
+            see ``materials.beam_row``. Bodies of materials unlike in density or damping then push themselves along.
 
     Raises:
         ValueError: if a field is not allowed; names the field, the value and what is allowed.
@@ -60,6 +62,7 @@ class LatticeBody(ShortText):
     fixed: np.ndarray | None = None
     pressure_normals: np.ndarray | None = None
     chambers: np.ndarray | None = None
+    own_damping: bool = False
 
     def __post_init__(self) -> None:
         put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731 - a frozen dataclass fills itself

@@ -10,6 +10,7 @@ import numpy as np
 from taichi_sim.autodiff.tracing import law, sqrt
 from taichi_sim.base.checks import number, numbers, positive
 from taichi_sim.lattice.program import QUANTITY_COUNT, Quantity
+from taichi_sim.runtime import ti
 
 
 @dataclass(frozen=True)
@@ -22,9 +23,9 @@ class Material:
         poissons_ratio: nu, dimensionless, 0 to below 0.5.
         static_friction: Coulomb coefficient mu_s against the floor.
         kinetic_friction: Coulomb coefficient mu_k against the floor.
-        internal_damping: zeta_i, damping zeta_i sqrt(m E_l h) of a link of stiffness E_l h at each end. A voxel whose
-            neighbour is held has zeta_i / 2 of critical damping, two free ones zeta_i / sqrt(2). More than 1 takes
-            shorter time steps.
+        internal_damping: zeta_i, damping zeta_i sqrt(m E_l h) of a link of stiffness E_l h. A voxel whose neighbour
+            is held has zeta_i / 2 of critical damping, two free ones zeta_i / sqrt(2). More than 1 takes shorter time
+            steps. Two materials have the mean zeta_i, and m = 2 m1 m2 / (m1 + m2); see also ``LatticeEngine``.
         global_damping: zeta_g, damping 2 zeta_g sqrt(m E h) against the world; critical at 1 on a spring E h.
         collision_damping: zeta_c, damping 2 zeta_c sqrt(m E h) of contact, whose stiffness is 2 E h: two free voxels
             have zeta_c of critical damping, one on the floor zeta_c / sqrt(2). Two materials have the mean damping.
@@ -111,14 +112,16 @@ def axial_stiffness_modulus(minus: Material, plus: Material) -> float:
 
 
 @law
-def beam_row(e1, rho1, nu1, zeta1, e2, rho2, nu2, zeta2, edge, time_step):
+def beam_row(e1, rho1, nu1, zeta1, e2, rho2, nu2, zeta2, edge, time_step, own: ti.template()):
     """Constants of the Euler-Bernoulli beam between two voxels of edge h, of the materials 1 ("-" end) and 2.
 
     Returns:
         A row of the columns above (Hiller & Lipson, eq. 6-13, for a square beam as long as it is wide):
-        forces E^ (1 - nu) h^2 and E^ nu h^2 per strain; b1 = E_l h; g sqrt(E_l h) with g = 2 sqrt(m) zeta_i / dt for
+        forces E^ (1 - nu) h^2 and E^ nu h^2 per strain; b1 = E_l h; g sqrt(E_l h) with g = 2 sqrt(m) zeta / dt for
         both ends; the twisting stiffness a2 and sqrt(a2 h^2 / 6) / sqrt(E_l h); the ends' shares of the link strain.
-        E_l = 2 E1 E2 / (E1 + E2) are springs in series, E^ = E_l / ((1 - 2 nu)(1 + nu)).
+        E_l = 2 E1 E2 / (E1 + E2) are springs in series, E^ = E_l / ((1 - 2 nu)(1 + nu)). Zeta is the mean zeta_i and
+        m = 2 m1 m2 / (m1 + m2), with which two free voxels have the damping zeta / sqrt(2) whatever their masses. As
+        published (``own``) m and zeta are those of each end, and a link of unlike ends pushes its body along.
     """
     volume = edge * edge * edge
     total = e1 + e2
@@ -128,12 +131,18 @@ def beam_row(e1, rho1, nu1, zeta1, e2, rho2, nu2, zeta2, edge, time_step):
     stiff = e * edge
     root = sqrt(stiff)
     a2 = e * volume / (12.0 * (1.0 + nu))
+    shared = sqrt(rho1 * (2.0 * rho2 / (rho1 + rho2)) * volume) * (0.5 * (zeta1 + zeta2))
+    minus = shared
+    plus = shared
+    if ti.static(own):
+        minus = sqrt(rho1 * volume) * zeta1
+        plus = sqrt(rho2 * volume) * zeta2
     return (
         pressed * (1.0 - nu),
         pressed * nu,
         stiff,
-        2.0 * sqrt(rho1 * volume) * zeta1 / time_step * root,
-        2.0 * sqrt(rho2 * volume) * zeta2 / time_step * root,
+        2.0 * minus / time_step * root,
+        2.0 * plus / time_step * root,
         a2,
         sqrt(a2 * edge * edge / 6.0) / root,
         2.0 * e2 / total,
@@ -141,10 +150,10 @@ def beam_row(e1, rho1, nu1, zeta1, e2, rho2, nu2, zeta2, edge, time_step):
     )
 
 
-def beam_constants(minus: Material, plus: Material, edge: float, time_step: float) -> np.ndarray:
+def beam_constants(minus: Material, plus: Material, edge: float, time_step: float, own: bool = False) -> np.ndarray:
     """:func:`beam_row` of two materials, edge h [m], time step dt [s]."""
     ends = [getattr(material, name) for material in (minus, plus) for name in BEAM_FIELDS]
-    return np.array(beam_row(*ends, edge, time_step))
+    return np.array(beam_row(*ends, edge, time_step, own))
 
 
 # Columns of the table of voxel constants, one row per group of voxels.

@@ -25,13 +25,15 @@ def link_step(minus: Material, plus: Material, edge: float) -> float:
     With w = sqrt(a1 / m), a link's stiffness over the mass of an end, a mode of the lattice has k = L w^2 and, as that
     end is damped by zeta sqrt(a1 m) at most, c = L zeta w: it is stable for w dt <= sqrt(zeta^2 + 4 / L) - zeta. Up to
     zeta = 1 the step is the published 1 / (2 pi w); beyond, that for the same L. Damping against the world, of ratio
-    zeta_0, adds 2 sqrt(6) zeta_0 w to c where voxels turn; up to a ratio of 1 safety factors allow for it.
+    zeta_0, adds 2 sqrt(6) zeta_0 w to c where voxels turn; up to a ratio of 1 safety factors allow for it. Zeta is the
+    larger of the end's own, as published, and of that of both (``materials.beam_row``).
     """
     stiffness = axial_stiffness_modulus(minus, plus) * edge
     found = math.inf
-    for end in (minus, plus):
+    mean = 0.5 * (minus.internal_damping + plus.internal_damping)
+    for end, other in ((minus, plus), (plus, minus)):
         step = 1 / (2 * math.pi * math.sqrt(stiffness / voxel_mass(end, edge)))
-        zeta = end.internal_damping
+        zeta = max(end.internal_damping, mean * math.sqrt(2 * other.density / (end.density + other.density)))
         if end.global_damping > 1:
             zeta = max(zeta, 1.0) + end.global_damping * _TURNING * _QUARTER
         if zeta > 1:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.base.checks import known_names
+from taichi_sim.base.checks import flag, known_names
 from taichi_sim.base.parsing import parse_json
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.files.arrays import labels
@@ -104,6 +104,7 @@ def write_vxl_json(file: VoxelFile) -> str:
         "chambers": np.unique(np.asarray(body.chambers), return_inverse=True)[1].tolist()
         if body.has_chambers
         else None,
+        "ownDamping": body.own_damping or None,
     }
     return json.dumps({**document, **_given(optional), _OWN: _given(own)}, allow_nan=False)
 
@@ -157,19 +158,20 @@ def _whole(given: Any, name: str) -> Ints:
     return numbers.astype(np.int64)
 
 
-def _own(record: Any, regions: Ints) -> dict[str, Ints]:
-    """Read the entries that only this project writes: regions, cut links, pressure normals and chambers.
+def _own(record: Any, regions: Ints) -> dict[str, Any]:
+    """Read the entries that only this project writes: those of ``LatticeBody`` that other formats lack.
 
     Without regions in the file, those given are returned.
     """
     if not isinstance(record, dict):
         raise ValueError(f"{_OWN}: it is no object")
-    known_names(record, "regions", "cutLinks", "pressureNormals", "chambers")
+    known_names(record, "regions", "cutLinks", "pressureNormals", "chambers", "ownDamping")
     if "regions" in record:
         regions = _whole(record["regions"], "regions")
         _check_labels("regions", regions)
     chambers = _whole(record.get("chambers", [0] * len(regions)), "chambers")
     _check_labels("chambers", chambers)
+    own_damping = flag("ownDamping", record.get("ownDamping", False))
     links = record.get("cutLinks", [])
     normals = record.get("pressureNormals", [[0, 0, 0]] * len(regions))
     try:
@@ -178,6 +180,7 @@ def _own(record: Any, regions: Ints) -> dict[str, Ints]:
             "cut_links": np.array(links, np.int64).reshape(-1, 2),
             "pressure_normals": np.array(normals, np.int64).reshape(-1, 3),
             "chambers": chambers,
+            "own_damping": own_damping,
         }
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{_OWN}: cutLinks or pressureNormals are damaged") from None

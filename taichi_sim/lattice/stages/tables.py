@@ -162,7 +162,7 @@ def build_tables(
         found = {id(each): np.array(table(each.materials)) for each in {id(b): b for b in bodies}.values()}
         return np.array([found[id(each)] for each in bodies])
 
-    beam = of_robots(lambda m: [beam_constants(m[a], m[b], h, time_step) for a, b in beam_pairs])
+    beam = of_robots(lambda m: [beam_constants(m[a], m[b], h, time_step, body.own_damping) for a, b in beam_pairs])
     beam = beam.reshape(len(bodies), -1, BEAM_COLUMNS)
     return Tables(
         link=_link_table(ends, axes, beam_of, rest_of, beam),

@@ -246,7 +246,7 @@ def check(made, point, names, terrain, sharpness, along):
     span = np.array([p.high - p.low for p in made.parameters])
     direction = np.random.default_rng(5).standard_normal(len(span)) * span * along
     errors = {name: math.inf for name in names}
-    for step in (1e-5, 1e-6, 1e-7):
+    for step in (1e-5, 1e-6, 1e-7, 1e-8):
         pair = np.concatenate([point + step * direction, point - step * direction])
         up_down = made.run(pair, Trial(terrain, F64, sharpness=sharpness)).measures
         for name in names:

@@ -161,7 +161,7 @@ LAWS = {
     "rest length": (group.rest_length, (0.01, 0.012), (), 2),
     "sliding": (floor.sliding_friction, (0.02, -0.01, 0.4, 0.3), (), 2),
     "poisson": (motion.poisson_strains, (0.1, 0.05, -0.02, 0.3), (1.0, 0.0, 1.0), 3),
-    "beam constants": (materials.beam_row, (3e5, 3000.0, 0.3, 1.0, 2e5, 2500.0, 0.2, 0.8), (EDGE, DT), 9),
+    "beam constants": (materials.beam_row, (3e5, 3000.0, 0.3, 1.0, 2e5, 2500.0, 0.2, 0.8), (EDGE, DT, False), 9),
     "voxel constants": (materials.voxel_row, (3e5, 3000.0, 0.9, 1e-3, 0.3), (EDGE,), 9),
     "a half turn": (rotations.to_rotation_vector, (0.1, 0.7, -0.5, 0.5), (), 3),
 }

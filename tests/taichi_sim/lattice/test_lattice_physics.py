@@ -174,3 +174,26 @@ def test_global_damping_slows_exponentially():
     rate = 2 * 0.01 * np.sqrt(0.003 * 4e5 * 0.01) / 0.003
     expected = (1 - rate * engine.time_step) ** 500
     assert engine.state().velocities[0, 0, 0] / speed == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("driver", ["packed", "stepped"])
+@pytest.mark.parametrize(("other", "damping"), [(2000, 0.6), (100, 0.6), (100, 0.0)])
+def test_two_voxels_of_unlike_materials_swing_about_their_resting_middle(other, damping, driver):
+    """With the mean damping / sqrt(2) of critical, whatever their masses: the published law let them run away."""
+    ends = Material(4e5, 2000, internal_damping=0.2), Material(1e5, other, internal_damping=damping)
+    body = LatticeBody(voxels=[(0, 0, 0), (1, 0, 0)], materials=ends, material_index=[0, 1], voxel_size=0.01)
+    engine = LatticeEngine(body, time_step=body.recommended_time_step / 100, self_contact=False, driver=driver)
+    stretch, masses = 1e-4, np.array([2000, other]) * 0.01**3
+    engine.set_positions((body.start_positions + [[0, 0, 0], [stretch, 0, 0]])[None])
+    run(engine, 1)  # the link remembers how it is strained
+    start = np.diff(engine.state().positions[0, :, 0])[0] - 0.01
+    run(engine, 3000)
+    places = engine.state().positions[0]
+    assert abs(masses @ places[:, 0] - masses[1] * (0.01 + stretch)) < 1e-12 * masses.sum() * 0.01
+    stiffness = 2 * 4e5 * 1e5 / 5e5 * 0.01
+    frequency, ratio = np.sqrt(stiffness / (masses.prod() / masses.sum())), 0.5 * (0.2 + damping) / np.sqrt(2)
+    turn, time = frequency * np.sqrt(1 - ratio**2), 3000 * engine.time_step
+    swing = np.cos(turn * time) + ratio / np.sqrt(1 - ratio**2) * np.sin(turn * time)
+    assert places[1, 0] - places[0, 0] - 0.01 == pytest.approx(
+        start * np.exp(-ratio * frequency * time) * swing, abs=5e-3 * stretch
+    )

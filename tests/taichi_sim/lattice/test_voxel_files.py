@@ -350,6 +350,15 @@ def test_fields_that_voxelyze_has_no_place_for_are_kept_apart(monkeypatch):
         read_vxl_json(text)
 
 
+def test_the_published_damping_of_links_is_kept():
+    body = LatticeBody(np.array([[0, 0, 0], [1, 0, 0]]), (Material(1e5, 1e3),), [0, 0], 0.1, own_damping=True)
+    text = write_vxl_json(VoxelFile.of_body(body))
+    assert read_vxl_json(text).body.own_damping
+    assert not read_vxl_json(text.replace('"ownDamping": true', '"ownDamping": false')).body.own_damping
+    with pytest.raises(ValueError, match=r"ownDamping: 1 is not allowed; give true or false"):
+        read_vxl_json(text.replace('"ownDamping": true', '"ownDamping": 1'))
+
+
 def test_chambers_are_kept_whatever_their_labels():
     body = LatticeBody(np.array([[0, 0, 0], [1, 0, 0]]), (Material(1e5, 1e3),), [0, 0], 0.1, chambers=[1, 7])
     assert read_vxl_json(write_vxl_json(VoxelFile.of_body(body))).body.chambers.tolist() == [0, 1]
