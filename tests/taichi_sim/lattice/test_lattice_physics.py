@@ -184,7 +184,7 @@ def test_two_voxels_of_unlike_materials_swing_about_their_resting_middle(other, 
     body = LatticeBody(voxels=[(0, 0, 0), (1, 0, 0)], materials=ends, material_index=[0, 1], voxel_size=0.01)
     engine = LatticeEngine(body, time_step=body.recommended_time_step / 100, self_contact=False, driver=driver)
     stretch, masses = 1e-4, np.array([2000, other]) * 0.01**3
-    engine.set_positions((body.start_positions + [[0, 0, 0], [stretch, 0, 0]])[None])
+    engine.set_positions(np.add(body.start_positions, [[0, 0, 0], [stretch, 0, 0]])[None])
     run(engine, 1)  # the link remembers how it is strained
     start = np.diff(engine.state().positions[0, :, 0])[0] - 0.01
     run(engine, 3000)
