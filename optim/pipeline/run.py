@@ -115,11 +115,11 @@ def _playable(plans: Sequence[Plan], candidates: Mapping[str, InflatableDesign],
 
 
 def settings_of(task: PipelineTask) -> dict[str, Any]:
-    """All that results depend on, as JSON; gaits have no body of their own, which a task refuses."""
+    """All that results depend on, as JSON."""
     return {
         "terrains": [terrain.document for terrain in task.terrains],
         "gaits": {
-            name: [d.pressure, d.orientation, d.schedule.to_text(), d.schedule.repeats]
+            name: [d.pressure, d.orientation, d.schedule.to_text(), d.schedule.repeats, *_own_body(d)]
             for name, d in task.gaits.items()
         },
         "search": None if task.search is None else dataclasses.asdict(task.search),
@@ -132,6 +132,14 @@ def settings_of(task: PipelineTask) -> dict[str, Any]:
         **({} if task.weight == "published" else {"weight": task.weight}),
         **({GROUND_FILES: files} if (files := ground_files(task.terrains)) else {}),
     }
+
+
+def _own_body(design: InflatableDesign) -> list[Any]:
+    """What a design says of its body; nothing if it says nothing."""
+    if design.materials is None and design.bladders is None:
+        return []
+    materials = None if design.materials is None else dataclasses.asdict(design.materials)
+    return [materials, design.bladders]
 
 
 def _choose(

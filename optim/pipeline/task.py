@@ -80,9 +80,6 @@ class PipelineTask:
         names = [terrain.name for terrain in self.terrains]
         if not names or len(set(names)) < len(names):
             raise ValueError(f"terrains: {', '.join(names) or 'none'} given; give at least one, and none twice")
-        for terrain in self.terrains:
-            if refusal := refusal_of_ground(terrain):
-                raise ValueError(f"terrains: {refusal}")
         if not self.gaits and self.search is None:
             raise ValueError("gaits: none given, and no search; give gaits to try, or [search]")
         choice("geometry", self.geometry, NAMED_GEOMETRIES)
@@ -113,6 +110,16 @@ class PipelineTask:
                 )
             if common_pressure(design.pressure) is None:
                 raise ValueError(f"gaits: {name} has {kilopascals(design.pressure)}, which no table says; give one")
+            if refusal := self.refusal(design):
+                raise ValueError(f"gaits: {name}: {refusal}")
+        if len(self.terrains) > 1:
+            self._check_legs()
+
+    def _check_legs(self) -> None:
+        for terrain in self.terrains:
+            if refusal := refusal_of_ground(terrain):
+                raise ValueError(f"terrains: {refusal}")
+        for name, design in self.gaits.items():
             if refusal := refusal_of_leg(design):
                 raise ValueError(f"gaits: {name}: {refusal}")
             if design.last_pressure != design.pressure:
@@ -120,9 +127,7 @@ class PipelineTask:
                 raise ValueError(
                     f"gaits: {name} begins with {first} and ends with {last}; give one that ends as it began"
                 )
-            if refusal := self.refusal(design):
-                raise ValueError(f"gaits: {name}: {refusal}")
-        for (first, before), (second, after) in permutations(self.gaits.items(), 2) if len(self.terrains) > 1 else ():
+        for (first, before), (second, after) in permutations(self.gaits.items(), 2):
             if refusal := self.refusal_between(before, after):
                 raise ValueError(f"gaits: from {first} to {second}: {refusal}")
 

@@ -219,13 +219,13 @@ def test_measures_go_on_with_the_very_file_alone(morpholab, tmp_path):
 
 
 def test_a_pipeline_goes_on_with_the_very_file_alone(tmp_path):
-    (tmp_path / "task.toml").write_text(f"terrains = ['flat', '{HILLS}']\ngaits = ['rolling']\n")
+    (tmp_path / "task.toml").write_text(f"terrains = ['{HILLS}']\ngaits = ['rolling']\n")
     task = read_task(tmp_path / "task.toml")
     before = pipeline_settings(task)
     assert pipeline_settings(task) == before and list(before["ground_files"]) == ["hills.npy"]
     written(tmp_path, 0.001)
     assert pipeline_settings(task) != before
-    assert "ground_files" not in pipeline_settings(dataclasses.replace(task, terrains=task.terrains[:1]))
+    assert "ground_files" not in pipeline_settings(dataclasses.replace(task, terrains=(Terrain(),)))
 
 
 @pytest.mark.parametrize("of", [partial(RobotProblem, FreeformRobot(full=True)), GaitProblem])

@@ -145,7 +145,8 @@ def test_gaits_that_cannot_be_legs_are_refused_before_any_simulation(tmp_path):
         own = GaitSchedule(schedule.levels, schedule.repeats, core_pressure=core)
         save_design(replace(INCHING, schedule=own), tmp_path / f"{name}.json")
         with pytest.raises(ValueError, match=f"^{message}"):
-            task_of(tmp_path, f"terrains = ['flat']\ngaits = ['{name}.json']")
+            task_of(tmp_path, f"terrains = ['flat', 'hill:5']\ngaits = ['{name}.json']")
+        assert name in task_of(tmp_path, f"terrains = ['flat']\ngaits = ['{name}.json']").gaits
 
 
 def test_a_rig_with_lines_for_several_cores_is_refused(tmp_path):
