@@ -12,6 +12,13 @@ from robots.robot import Option, Robot
 from taichi_sim.base.checks import MOST_FRICTION
 from taichi_sim.base.options import checked, file_path, number, whole
 
+LINKS_OPTION = Option(
+    "links",
+    "law of the links of voxels: damped alike at both ends; balanced, too, so that bodies do not turn themselves on "
+    "dry ground; or as published (default: alike)",
+    choices=("alike", "balanced", "published"),
+)
+
 
 def _region(text: str) -> Any:
     from robots.lattice_robot.mesh_robot import MarkedRegion
@@ -51,6 +58,7 @@ class LatticeRobotKind(LatticeGroundKind):
         Option("frequency", "of a mesh, of its muscles (default: 4)", number(0.1, 100, "Hz"), "HZ"),
         Option("cycles", "of a mesh, that count (default: 4)", whole(1), "N"),
         Option("settling", "of a mesh, before its muscles move, in seconds (default: 0.25)", number(0), "S"),
+        LINKS_OPTION,
         Option(
             "channels",
             "a table of its channels, as export --csv writes it: its rows drive the robot instead",
@@ -106,5 +114,5 @@ def _of_mesh(source: str, options: Mapping[str, Any]) -> Robot:
     given = dict(options)
     if "pitch" not in given:
         raise ValueError(f"pitch: {source} is a mesh; give the edge of its voxels, in the unit of the file")
-    played: dict[str, Any] = {name: given.pop(name) for name in ("channels", "own_measures") if name in given}
+    played: dict[str, Any] = {name: given.pop(name) for name in ("channels", "links", "own_measures") if name in given}
     return robot_of_mesh(source, given.pop("pitch"), given.pop("region", ()), **given).changed(played)

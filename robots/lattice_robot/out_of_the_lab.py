@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -78,17 +79,20 @@ class OutOfTheLab(Robot):
         save_voxels(self.fixed, path)
 
     def changed(self, options: Mapping[str, Any]) -> Robot:
-        """This robot with ``own_measures``; with nothing free, driven by the rows of the table ``channels``."""
+        """This robot with ``own_measures`` and another law of ``links``; driven by rows of the table ``channels``."""
         from robots.hardware.channel_table import read_channels
         from robots.lattice_robot.on_rig import played_robot
 
-        robot: Any = super().changed({name: value for name, value in options.items() if name != "channels"})
+        own = {name: value for name, value in options.items() if name not in ("channels", "links")}
+        robot: Any = super().changed(own)
+        if "links" in options:
+            robot = replace(robot, body=replace(robot.body, links=options["links"]))
         return played_robot(robot.fixed, read_channels(options["channels"])) if "channels" in options else robot
 
     def judge(
         self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None
     ) -> Judgement:
-        """What remains of its speed from noisy starts, with other friction, and with half the time step."""
+        """What remains of its speed from noisy starts, with other friction, half the time step, and balanced links."""
         from robots.lattice_robot.robustness import trust_in
 
         return trust_in(self.fixed, terrain_of(world), seed=seed, compute=compute, progress=progress).judgement

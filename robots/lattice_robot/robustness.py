@@ -1,4 +1,4 @@
-"""How far the speed of a soft robot can be trusted: noisy starts, other friction, half the time step.
+"""How far the speed of a soft robot can be trusted: noisy starts, other friction, half the time step, other links.
 
 Contact makes robots sensitive: a gait that a search has found may live on one friction, one step size or one stance.
 """
@@ -80,7 +80,7 @@ class Trust:
 def trust_in(
     robot: "LatticeRobot", terrain: Terrain, *, seed: int = 0, compute: Compute, progress: Progress | None = None
 ) -> Trust:
-    """Try a robot, of which nothing is free, from noisy starts, with other friction, and with half the time step."""
+    """Try a robot, of which nothing is free, from noisy starts, with other friction, time steps and links."""
     robot, terrain = robot.on(terrain), without_friction(terrain)  # a part of this friction is tried, too
     noise = robot.perturbation or NOISE * robot.body.voxel_size
     noisy = replace(robot, perturbation=noise, seed=seed)
@@ -88,6 +88,8 @@ def trust_in(
     if not terrain.is_fluid:
         trials += [(f"{part:g} of the friction", _slippery(noisy, part)) for part in FRICTIONS]
     trials.append(("half the time step", replace(noisy, time_step_safety=2 * robot.time_step_safety)))
+    if not (terrain.is_wet or robot.body.is_balanced):  # in water all links are
+        trials.append(("balanced links", replace(noisy, body=replace(noisy.body, links="balanced"))))
     names, robots = zip(*trials, strict=True)
     told = Trial(terrain, compute, progress=progress)
     outcomes = robot.run_in(robot.points(()), [terrain] * len(trials), told, robots)

@@ -9,10 +9,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from taichi_sim.base.checks import choice
 from taichi_sim.base.short_text import ShortText
 from taichi_sim.lattice import time_steps
 from taichi_sim.lattice.materials import Material, voxel_mass
 from taichi_sim.lattice.topology import Topology, build_topology
+
+USUAL_LINKS = "alike"
+LINK_LAWS = (USUAL_LINKS, "balanced", "published")
 
 
 def _frozen(array: object, dtype: type, name: str, shape: tuple[int, ...]) -> np.ndarray:
@@ -46,8 +50,11 @@ class LatticeBody(ShortText):
             times this. To inflate a hollow body, point them away from the cavity.
         chambers: which of several volumes, each closed by its own skin, pressurised voxels enclose, shape (V,); all
             the same one by default. Of several, pressure acts on the closed surfaces, see ``enclosure``.
-        own_damping: whether either end of a link is damped as its own material says, as in the published simulator,
-            see ``materials.beam_row``. Bodies of materials unlike in density or damping then push themselves along.
+        links: law of the links. ``"published"`` is that of the published simulator, which damps either end as its own
+            material says: bodies of materials unlike in density or damping push themselves along. ``"alike"`` damps
+            both ends alike, see ``materials.beam_row``. ``"balanced"`` does so, too, and keeps angular momentum, as all
+            links do in water, see ``laws.link.balanced``: bodies do not turn themselves; large voxels take shorter
+            time steps.
 
     Raises:
         ValueError: if a field is not allowed; names the field, the value and what is allowed.
@@ -62,7 +69,7 @@ class LatticeBody(ShortText):
     fixed: np.ndarray | None = None
     pressure_normals: np.ndarray | None = None
     chambers: np.ndarray | None = None
-    own_damping: bool = False
+    links: str = USUAL_LINKS
 
     def __post_init__(self) -> None:
         put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731 - a frozen dataclass fills itself
@@ -80,6 +87,7 @@ class LatticeBody(ShortText):
         put("voxel_size", float(self.voxel_size))
         put("materials", tuple(self.materials))
         put("material_index", _frozen(self.material_index, np.int64, "material_index", (count,)))
+        choice("links", self.links, LINK_LAWS)
         for name, dtype, shape, usual in (
             ("regions", np.int64, (count,), self.material_index),
             ("fixed", bool, (count, 6), np.zeros((count, 6))),
@@ -110,6 +118,11 @@ class LatticeBody(ShortText):
     def voxel_count(self) -> int:
         """Number V of voxels."""
         return len(self.voxels)
+
+    @property
+    def is_balanced(self) -> bool:
+        """Whether links keep angular momentum on dry ground, too."""
+        return self.links == "balanced"
 
     @property
     def has_chambers(self) -> bool:
@@ -174,12 +187,12 @@ class LatticeBody(ShortText):
         """Return the largest stable time step [s], :attr:`recommended_time_step` on dry ground at usual sizes.
 
         Args:
-            is_afloat: whether it is in water, or in any fluid, where large voxels take shorter steps.
+            is_afloat: whether it is in water, or in any fluid, where all links are balanced.
             sizes: smallest and largest rest size that its voxels may reach [edges]; None is those of their materials.
         """
         least, most = self.sizes if sizes is None else sizes
         step = self.recommended_time_step / time_steps.shrunk(least)
-        return step / time_steps.afloat(most) if is_afloat else step
+        return step / time_steps.afloat(most) if is_afloat or self.is_balanced else step
 
     @property
     def sizes(self) -> tuple[float, float]:

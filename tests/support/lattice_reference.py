@@ -96,7 +96,7 @@ def load_case(name: str) -> Case:
             Material(1e5, 1500, internal_damping=1.0, global_damping=0.01),
         )
         body = LatticeBody(
-            **common | {"materials": materials, "material_index": (x >= 2) * 1, "own_damping": True},
+            **common | {"materials": materials, "material_index": (x >= 2) * 1, "links": "published"},
             regions=np.arange(n) >= 12,
             fixed=fixed(n, [0, 1, 2, 3]),
         )

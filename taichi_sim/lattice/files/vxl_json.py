@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.base.checks import flag, known_names
+from taichi_sim.base.checks import choice, known_names
 from taichi_sim.base.parsing import parse_json
-from taichi_sim.lattice.body import LatticeBody
+from taichi_sim.lattice.body import LINK_LAWS, USUAL_LINKS, LatticeBody
 from taichi_sim.lattice.files.arrays import labels
 from taichi_sim.lattice.files.voxel_file import MOST_VOXELS, VoxelFile
 from taichi_sim.lattice.materials import Material
@@ -104,7 +104,7 @@ def write_vxl_json(file: VoxelFile) -> str:
         "chambers": np.unique(np.asarray(body.chambers), return_inverse=True)[1].tolist()
         if body.has_chambers
         else None,
-        "ownDamping": body.own_damping or None,
+        "links": None if body.links == USUAL_LINKS else body.links,
     }
     return json.dumps({**document, **_given(optional), _OWN: _given(own)}, allow_nan=False)
 
@@ -165,13 +165,13 @@ def _own(record: Any, regions: Ints) -> dict[str, Any]:
     """
     if not isinstance(record, dict):
         raise ValueError(f"{_OWN}: it is no object")
-    known_names(record, "regions", "cutLinks", "pressureNormals", "chambers", "ownDamping")
+    known_names(record, "regions", "cutLinks", "pressureNormals", "chambers", "links")
     if "regions" in record:
         regions = _whole(record["regions"], "regions")
         _check_labels("regions", regions)
     chambers = _whole(record.get("chambers", [0] * len(regions)), "chambers")
     _check_labels("chambers", chambers)
-    own_damping = flag("ownDamping", record.get("ownDamping", False))
+    links_law = choice("links", record.get("links", USUAL_LINKS), LINK_LAWS)
     links = record.get("cutLinks", [])
     normals = record.get("pressureNormals", [[0, 0, 0]] * len(regions))
     try:
@@ -180,7 +180,7 @@ def _own(record: Any, regions: Ints) -> dict[str, Any]:
             "cut_links": np.array(links, np.int64).reshape(-1, 2),
             "pressure_normals": np.array(normals, np.int64).reshape(-1, 3),
             "chambers": chambers,
-            "own_damping": own_damping,
+            "links": links_law,
         }
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{_OWN}: cutLinks or pressureNormals are damaged") from None

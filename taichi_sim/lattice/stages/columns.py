@@ -65,17 +65,24 @@ class Medium(NamedTuple):
         relief: ground that is not level, or not alike everywhere.
         water: water on that ground.
         granular: ground that yields.
+        balanced: nothing else, but links keep angular momentum as they do where robots float.
     """
 
     fluid: bool = False
     relief: bool = False
     water: bool = False
     granular: bool = False
+    balanced: bool = False
 
     @property
     def floats(self) -> bool:
         """Whether robots may float."""
         return self.fluid or self.water
+
+    @property
+    def balances(self) -> bool:
+        """Whether links keep angular momentum; nothing else holds a floating body."""
+        return self.floats or self.balanced
 
 
 class Shared(NamedTuple):

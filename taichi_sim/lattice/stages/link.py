@@ -175,10 +175,10 @@ def answer(found: Strained, bending: Any, pull: Any, edge: Any, alike: Any) -> A
 
 
 @primitive
-def on_voxels(ends: Any, minus: Any, plus: Any, alike: Any, floats: bool) -> Any:
+def on_voxels(ends: Any, minus: Any, plus: Any, alike: Any, balances: bool) -> Any:
     """A link's forces (F, M, G, N) in the world, from those in the frame of its "-" voxel."""
     ends = laws.in_world(*minus[3:], *ends, alike)
-    if floats:  # nothing else holds a floating body; on the ground all is as published
+    if balances:
         (x1, y1, z1), (x2, y2, z2) = minus[:3], plus[:3]
         ends = laws.balanced(x2 - x1, y2 - y1, z2 - z1, *ends)
     return ends
@@ -205,7 +205,7 @@ def link_forces(m: ti.template(), k, l, first: ti.template(), second: ti.templat
             y, z, qw = select(there > 0.5, y, 0.0), select(there > 0.5, z, 0.0), select(there > 0.5, qw, 1.0)
     alike = t.link[l * columns.LINK_COLUMNS + columns.LINK_SYMMETRIC]
     ends = bend(m, k, l, x, y, z, qw, qx, qy, qz, alike, t)
-    return on_voxels(ends, first, second, alike, t.medium.floats)
+    return on_voxels(ends, first, second, alike, t.medium.balances)
 
 
 @ti.func
@@ -255,10 +255,10 @@ def axial_force(m: ti.template(), k, l, tension, t: ti.template()):
 def whole_link(*given: Any) -> Any:
     """What the stage does, as one function of all that it depends on, to trace it backwards: (F, M, G, N), new memory.
 
-    ``given`` are the numbers of ``LinkInputs``, edge, the last regime, whether robots may float, and whether the link
+    ``given`` are the numbers of ``LinkInputs``, edge, the last regime, whether links are balanced, and whether the link
     may be, or have been, in another regime than that of small angles.
     """
-    *numbers, edge, before, floats, turned = given
+    *numbers, edge, before, balances, turned = given
     link = in_parts(LINK_WIDTHS, numbers)
     rest, inverse, axial, transverse = link.axial
     relative = laws.relative_pose(*link.minus, *link.plus)
@@ -266,7 +266,7 @@ def whole_link(*given: Any) -> Any:
     pull = laws.axial_force(found.tension, axial, transverse, *link.section, True)
     # Not alike: sums of G's cotangents and F's have the order of links of any kind.
     ends = answer(found, link.bending, pull, edge, 0)
-    return (*on_voxels(ends, link.minus, link.plus, 0, floats), *found.strains)
+    return (*on_voxels(ends, link.minus, link.plus, 0, balances), *found.strains)
 
 
 @ti.func
@@ -304,9 +304,9 @@ def link_cotangents(
         straight = straight | (there < 0.5)
     g = ti.static(variables(inputs))
     if all_lanes(straight):
-        assign_all(g, ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.medium.floats, False), seeds)))
+        assign_all(g, ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.medium.balances, False), seeds)))
     else:
-        assign_all(g, ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.medium.floats, True), seeds)))
+        assign_all(g, ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.medium.balances, True), seeds)))
     return ti.static(tuple(g))
 
 

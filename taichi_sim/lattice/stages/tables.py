@@ -48,6 +48,7 @@ class Tables:
         poisson: whether any robot has a material with Poisson's effect.
         squares: number of squares of that surface.
         fluid: whether there is a fluid around the robots.
+        balanced: whether links keep angular momentum on dry ground, too.
         ground: uneven ground, or None.
     """
 
@@ -72,13 +73,15 @@ class Tables:
     poisson: bool
     squares: int
     fluid: bool
+    balanced: bool
     ground: GroundTables | None = None
 
     @property
     def medium(self) -> columns.Medium:
         """What surrounds the robots."""
         ground = self.ground
-        return columns.Medium(self.fluid, ground is not None, bool(ground and ground.water), self.prints > 0)
+        water = bool(ground and ground.water)
+        return columns.Medium(self.fluid, ground is not None, water, self.prints > 0, self.balanced)
 
     @property
     def prints(self) -> int:
@@ -162,7 +165,8 @@ def build_tables(
         found = {id(each): np.array(table(each.materials)) for each in {id(b): b for b in bodies}.values()}
         return np.array([found[id(each)] for each in bodies])
 
-    beam = of_robots(lambda m: [beam_constants(m[a], m[b], h, time_step, body.own_damping) for a, b in beam_pairs])
+    own = body.links == "published"
+    beam = of_robots(lambda m: [beam_constants(m[a], m[b], h, time_step, own) for a, b in beam_pairs])
     beam = beam.reshape(len(bodies), -1, BEAM_COLUMNS)
     return Tables(
         link=_link_table(ends, axes, beam_of, rest_of, beam),
@@ -186,6 +190,7 @@ def build_tables(
         poisson=_has_poisson(bodies),
         squares=len(squares),
         fluid=fluid,
+        balanced=body.is_balanced,
         ground=ground,
     )
 

@@ -9,6 +9,8 @@ import trimesh
 from articulated_files import CRAWLER
 
 from robots.hardware import read_channels
+from robots.lattice_robot.kind import LINKS_OPTION
+from taichi_sim.lattice.body import LINK_LAWS
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 MINE = """
@@ -101,6 +103,26 @@ def test_a_measure_that_only_a_users_file_defines_is_searched(morpholab, tmp_pat
     (tmp_path / "my_robot.py").write_text(MINE + DRIFT.replace("** 2", "** 4"))
     code, _, error = morpholab(f"{further} --robot my_robot.py")
     assert code == 2 and f"robot: my_robot.py is not the robot of the run in a; {again}" in error
+
+
+def test_every_law_of_links_is_an_option():
+    assert LINKS_OPTION.choices == LINK_LAWS
+
+
+@pytest.mark.kernels
+def test_a_run_keeps_the_law_of_links_with_which_it_was_begun(morpholab, tmp_path, mine):
+    """And so do its designs; what is saved of a robot with the usual one says nothing of it."""
+    search = f"codesign --robot my_robot.py --climbers 2 --generations 1 {QUICK} --json"
+    found, best = [], {}
+    for law in ("alike", "balanced"):
+        best[law] = json.loads(morpholab(f"{search} --links {law} --out {law}")[1])["best"]
+        for name in ("config.toml", "best.json"):
+            assert ("balanced" in (tmp_path / law / name).read_text()) == (law == "balanced")
+    for options in ("alike/best.json", "alike/best.json --links balanced", "balanced/best.json"):
+        found.append(json.loads(morpholab(f"simulate --robot {options} {QUICK} --json")[1])["speed"])
+    assert [found[0], found[2]] == list(best.values()) and found[0] != found[1]
+    code, _, error = morpholab(f"simulate --robot my_robot.py --links tight {QUICK}")
+    assert code == 2 and "argument --links: invalid choice: 'tight'" in error
 
 
 @pytest.mark.kernels

@@ -113,7 +113,7 @@ def test_files_of_heights_are_looked_for_beside_the_task_too(morpholab, tmp_path
     [
         ("climber = 3", "task: task.toml has an unknown key 'climber'; did you mean climbers?"),
         ("generation = 3", "did you mean generations?"),
-        ("wings = 2", "task: task.toml has an unknown key 'wings'\n"),
+        ("hooves = 2", "task: task.toml has an unknown key 'hooves'\n"),
         ("out = 'b'", "task: task.toml has an unknown key 'out'"),
         ("climbers = ", "task: task.toml cannot be read"),
         ("climbers = 0", "argument --climbers: 0 is not allowed; give a whole number, at least 1"),

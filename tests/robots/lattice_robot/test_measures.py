@@ -180,9 +180,14 @@ def test_noise_is_the_same_for_all_points_and_differs_by_seed():
 def test_trust_is_told_for_people_and_machines():
     trust = trust_in(robot(), Terrain(), compute=Compute())
     assert len(trust.starts) == STARTS and np.ptp(trust.starts) > 0
-    assert list(trust.changed) == [*(f"{p:g} of the friction" for p in (0.5, 0.625, 0.75, 0.875)), "half the time step"]
+    others = [*(f"{p:g} of the friction" for p in (0.5, 0.625, 0.75, 0.875)), "half the time step", "balanced links"]
+    assert list(trust.changed) == others
     document = robot().judge(Terrain(), compute=Compute()).document
     assert document["speeds"] == trust.starts.tolist() and document["kept"] == trust.kept
+    plain = robot()
+    balanced = dataclasses.replace(plain, body=dataclasses.replace(plain.body, links="balanced"))
+    assert balanced.simulate((), Terrain()).measures["speed"][0] != plain.simulate((), Terrain()).measures["speed"][0]
+    assert list(trust_in(balanced, Terrain(), compute=Compute()).changed) == others[:-1]
     water = trust_in(robot(), Terrain.water(), compute=Compute())
     assert list(water.changed) == ["half the time step"]
 

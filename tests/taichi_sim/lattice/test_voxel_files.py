@@ -350,13 +350,13 @@ def test_fields_that_voxelyze_has_no_place_for_are_kept_apart(monkeypatch):
         read_vxl_json(text)
 
 
-def test_the_published_damping_of_links_is_kept():
-    body = LatticeBody(np.array([[0, 0, 0], [1, 0, 0]]), (Material(1e5, 1e3),), [0, 0], 0.1, own_damping=True)
+def test_the_law_of_links_is_kept():
+    body = LatticeBody(np.array([[0, 0, 0], [1, 0, 0]]), (Material(1e5, 1e3),), [0, 0], 0.1, links="published")
     text = write_vxl_json(VoxelFile.of_body(body))
-    assert read_vxl_json(text).body.own_damping
-    assert not read_vxl_json(text.replace('"ownDamping": true', '"ownDamping": false')).body.own_damping
-    with pytest.raises(ValueError, match=r"ownDamping: 1 is not allowed; give true or false"):
-        read_vxl_json(text.replace('"ownDamping": true', '"ownDamping": 1'))
+    assert read_vxl_json(text).body.links == "published"
+    assert read_vxl_json(text.replace('"links": "published"', '"links": "balanced"')).body.is_balanced
+    with pytest.raises(ValueError, match=r"links: 1 is unknown; choose one of alike, balanced, published"):
+        read_vxl_json(text.replace('"links": "published"', '"links": 1'))
 
 
 def test_chambers_are_kept_whatever_their_labels():
