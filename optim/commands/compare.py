@@ -12,7 +12,8 @@ from optim.commands.options import Command, Option, path_to
 from taichi_sim.base.short_text import counted, decimal
 
 if TYPE_CHECKING:
-    from optim.runs.comparison import Curve, Difference
+    from optim.runs.comparison import Curve
+    from optim.runs.differences import Difference
 
 PICTURES = (".png", ".svg", ".pdf")
 COMMAND = Command(
@@ -41,6 +42,7 @@ def run(args: argparse.Namespace) -> Report:
     from optim.runs import comparison
     from optim.runs.comparable import check_comparable
     from optim.runs.config import score_in
+    from optim.runs.differences import differences_at
     from optim.runs.history import begun, read_histories, runs_below
     from optim.runs.robust import held_out
     from taichi_sim.base.claims import claimed_path, undone_if_it_fails
@@ -60,7 +62,7 @@ def run(args: argparse.Namespace) -> Report:
         raise (ValueError(f"{error}; left out: {damaged[0]}") if damaged else error) from None
     score = score_in(histories[0].config)
     end = comparison.shared_end(curves, args.by)
-    differences = comparison.differences(curves, end)
+    differences = differences_at(curves, end)
     document = {
         "score": dataclasses.asdict(score),
         "by": args.by,
@@ -126,11 +128,11 @@ def _difference(one: "Difference", unsuccessful: bool) -> str:
     ends = [decimal(each, "+") for each in (found.difference, found.low, found.high) if each is not None]
     if ends:
         means = f"{ends[0]} [{ends[1]}, {ends[2]}]{' of those with success' if unsuccessful else ''}"
-    d = "" if found.cohens_d is None else f", Cohen's d {found.cohens_d:.2f}"
-    return (
-        f"  {one.second} minus {one.first}: {means}, A12 {found.superiority:.2f}{d}, p {one.adjusted_p:.2g} "
-        "(Mann-Whitney, Holm)"
-    )
+    share, d = f"A12 {found.superiority:.2f}", "Cohen's d"
+    if found.pairs:
+        share, d = f"{found.pairs} pairs, higher in {found.superiority:.2f} of them", "Cohen's d of pairs"
+    by = "" if found.cohens_d is None else f", {d} {found.cohens_d:.2f}"
+    return f"  {one.second} minus {one.first}: {means}, {share}{by}, p {one.adjusted_p:.2g} ({found.test}, Holm)"
 
 
 def _lines(score: str, document: dict[str, Any], differences: "list[Difference]") -> list[str]:

@@ -9,7 +9,8 @@ from optim.problem import Objective
 from optim.report.markup import Html, Section, charted, code, number, paragraph, table
 from optim.report.one_run import OneRun
 from optim.runs import comparison
-from optim.runs.comparison import Axis, Difference, Standing
+from optim.runs.comparison import Axis, Standing
+from optim.runs.differences import Difference, differences_at
 from optim.runs.robust import HeldOut, held_out
 from taichi_sim.base.short_text import counted
 
@@ -19,7 +20,7 @@ def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Sectio
     curves = comparison.curves([run.history for run in runs], axis)
     end = comparison.shared_end(curves, axis)
     standings = [comparison.standing(curve, end) for curve in curves]
-    differences = comparison.differences(curves, end)
+    differences = differences_at(curves, end)
     score, counted_by = runs[0].subject.score, comparison.spoken_axis(curves, axis)
 
     def draw(axes: Any) -> None:
@@ -84,12 +85,21 @@ def _differences(differences: Sequence[Difference], unsuccessful: bool) -> Html:
         effect, p = one.effect, number(one.adjusted_p, 3)
         sizes = number(effect.superiority, 2), number(effect.cohens_d, 2)
         means = map(number, (effect.difference, effect.low, effect.high))
-        rows.append((f"{one.second} minus {one.first}", *means, *sizes, p))
-    header = ("Difference", "Of means", "95 % from", "to", "A12", "Cohen's d", "p (Mann-Whitney, Holm)")
+        rows.append((f"{one.second} minus {one.first}", *means, *sizes, p, _test(one)))
+    header = ("Difference", "Of means", "95 % from", "to", "A12", "Cohen's d", "p (Holm)", "Test")
     caption = "Effect sizes"
+    if any(one.effect.pairs for one in differences):
+        caption += "; of pairs that began alike, A12 is the share in which the second is higher, d that of differences"
     if unsuccessful:
         caption += (
             "; differences and Cohen's d of those with success, where two of each group have any; A12 and p of all, "
             "those without below all others"
         )
     return table(caption, header, rows)
+
+
+def _test(one: Difference) -> str:
+    """The test of a difference, and which starts both groups share."""
+    if one.effect.pairs:
+        return f"{one.effect.test}, {counted(one.effect.pairs, 'pair')}"
+    return f"{one.effect.test}, {counted(one.shared_starts, 'start')} shared" if one.shared_starts else one.effect.test

@@ -1,21 +1,20 @@
-"""Compare runs: those that differ only in their seed make one group, and groups are compared by statistics.
+"""Groups of runs: those that differ only in their seed make one group, whose best scores are one curve each.
 
 The unit of statistics is the run; where every group is a single run of independent climbers, it is the climber. The
 members of a population are not independent samples, nor are climbers that learn from each other, so a single run of
 such has neither bands nor effect sizes.
 """
 
-import itertools
 import json
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from optim.measures.statistics import effect, holm, known_interval, rank_test, student_band, superiority
+from optim.measures.statistics import known_interval, student_band
 from optim.problem import DESIGN
 from optim.runs.config import climbs_independently, identity, usual_settings
 from optim.runs.history import History, begun
@@ -25,6 +24,21 @@ from taichi_sim.base.arrays import Floats
 Axis = Literal["evaluations", "generations", "seconds"]
 # A first generation that takes that many times as long as others, and that much longer [s], has compiled kernels.
 MANY_TIMES, FEW_SECONDS = 3.0, 1.0
+
+
+class Start(NamedTuple):
+    """What tells whether units of two groups began alike.
+
+    Attributes:
+        seed: seed of the run.
+        climber: number of the climber; None where the unit is the run.
+        found: score of the climber in generation 0, or best score of the run in it and the values of the best point;
+            None without any success.
+    """
+
+    seed: int | None
+    climber: int | None
+    found: float | tuple[float, tuple[tuple[str, float], ...]] | None
 
 
 @dataclass(frozen=True)
@@ -37,6 +51,7 @@ class Curve:
         unit: ``"runs"`` or ``"climbers"``.
         x: evaluations (of each climber, where these are the units), generations or seconds, increasing, shape (P,).
         scores: best score so far of each unit, shape (U, P); NaN until its first successful evaluation.
+        starts: start of each unit; empty if they are not known.
     """
 
     label: str
@@ -44,6 +59,7 @@ class Curve:
     unit: str
     x: Floats
     scores: Floats
+    starts: tuple[Start, ...] = ()
 
     def at(self, x: float) -> Floats:
         """Best scores at x of the units that have one, shape (at most U,); empty if x lies before the curve."""
@@ -88,37 +104,6 @@ class Standing:
     low: float | None
     high: float | None
     best: float | None
-
-
-@dataclass(frozen=True)
-class GroupEffect:
-    """How two groups differ, second minus first: means of those with success, ranks of all.
-
-    Attributes:
-        difference: difference of the means; this and its interval are None unless both groups have two successes.
-        low: lower end of its 95 % interval.
-        high: upper end.
-        superiority: A12, the probability that one of the second exceeds one of the first, ties counted half.
-        cohens_d: the difference in pooled standard deviations; None where nothing varies, or there is no difference.
-        p: p of the two-sided Mann-Whitney test.
-    """
-
-    difference: float | None
-    low: float | None
-    high: float | None
-    superiority: float
-    cohens_d: float | None
-    p: float
-
-
-@dataclass(frozen=True)
-class Difference:
-    """Difference between two groups, second minus first: effect sizes, and p adjusted for all pairs (Holm)."""
-
-    first: str
-    second: str
-    effect: GroupEffect
-    adjusted_p: float
 
 
 @dataclass(frozen=True)
@@ -219,31 +204,6 @@ def shared_end(compared: Sequence[Curve], axis: Axis) -> float:
     return _overlap({", ".join(curve.folders): curve.x for curve in compared}, axis)[1]
 
 
-def differences(compared: Sequence[Curve], x: float) -> list[Difference]:
-    """Compare groups at x, each pair in which both groups have at least two units.
-
-    Means are of units with success, where both groups have two; A12 and p are of all, those without any success below
-    all others.
-    """
-    pairs = [
-        (a.label, b.label, _effect(a.all_at(x), b.all_at(x)))
-        for a, b in itertools.combinations(compared, 2)
-        if min(len(a.all_at(x)), len(b.all_at(x))) >= 2
-    ]
-    adjusted = holm([found.p for *_, found in pairs])
-    return [Difference(*pair, p) for pair, p in zip(pairs, adjusted, strict=True)]
-
-
-def _effect(a: Floats, b: Floats) -> GroupEffect:
-    known = a[~np.isnan(a)], b[~np.isnan(b)]
-    a, b = (np.where(np.isnan(each), -np.finfo(float).max, each) for each in (a, b))
-    ranked = superiority(a, b), rank_test(a, b)
-    if min(map(len, known)) < 2:
-        return GroupEffect(None, None, None, ranked[0], None, ranked[1])
-    found = effect(*known, interval="student")
-    return GroupEffect(found.difference, found.low, found.high, ranked[0], found.cohens_d, ranked[1])
-
-
 def standing(curve: Curve, x: float) -> Standing:
     """Summarise the scores of a group at x."""
     scores = curve.at(x)
@@ -307,17 +267,29 @@ def _has_independent_climbers(history: History) -> bool:
 def _curve(label: str, group: Sequence[History], axis: Axis, climbers: bool) -> Curve:
     folders = tuple(str(history.path) for history in group)
     places = [_places(history, axis) for history in group]
+    seeds = [history.config["method"].get("seed") for history in group]
     if climbers:
         scores = np.array([generation.scores for generation in group[0].generations], float).T
         x = places[0] / len(scores) if axis == "evaluations" else places[0]
-        return Curve(label, folders, "climbers", x, scores)
+        first = group[0].generations[0].scores or ()
+        starts = tuple(Start(seeds[0], number, score) for number, score in enumerate(first))
+        return Curve(label, folders, "climbers", x, scores, starts)
     # The curve of a group ends where its shortest run does.
     begin, end = _overlap(dict(zip(folders, places, strict=True)), axis)
     x = np.unique(np.concatenate(places))
     x = x[(x >= begin) & (x <= end)]
     best = [np.array([generation.best for generation in history.generations], float) for history in group]
     rows = [values[np.searchsorted(place, x, side="right") - 1] for place, values in zip(places, best, strict=True)]
-    return Curve(label, folders, "runs", x, np.array(rows))
+    starts = tuple(Start(seed, None, _first(history)) for seed, history in zip(seeds, group, strict=True))
+    return Curve(label, folders, "runs", x, np.array(rows), starts)
+
+
+def _first(history: History) -> tuple[float, tuple[tuple[str, float], ...]] | None:
+    """Best score of generation 0 and the values of its point by name, in the order of names; None without success."""
+    first = history.generations[0]
+    if first.best is None or first.best_point is None:
+        return None
+    return first.best, tuple(sorted(first.best_point.items()))
 
 
 def _places(history: History, axis: Axis) -> Floats:

@@ -14,7 +14,8 @@ from scipy.stats import mannwhitneyu
 
 from optim.commands.compare import _difference
 from optim.measures.statistics import superiority
-from optim.runs.comparison import Curve, differences
+from optim.runs.comparison import Curve
+from optim.runs.differences import differences_at
 from optim.runs.folder_lock import locked
 
 pytestmark = pytest.mark.usefixtures("simulator")
@@ -92,14 +93,16 @@ def test_runs_that_differ_in_their_seed_are_one_group(morpholab, tmp_path):
     }
     assert climb["mean"] == pytest.approx(np.mean(best["climb"])) and climb["low"] <= climb["mean"] <= climb["high"]
     (difference,) = document["differences"]
-    assert difference["effect"]["superiority"] == superiority(best["climb"], best["random"])
-    assert difference["effect"]["difference"] == pytest.approx(np.mean(best["random"]) - np.mean(best["climb"]))
+    gains = np.subtract(best["random"], best["climb"])  # both begin alike with each seed
+    assert difference["effect"]["superiority"] == np.mean(gains > 0) != superiority(best["climb"], best["random"])
+    assert difference["effect"]["difference"] == pytest.approx(np.mean(gains))
+    assert (difference["effect"]["pairs"], difference["shared_starts"]) == (3, 3)
     assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
     code, out, _ = morpholab("compare runs --by generations")
     assert out.startswith(
         "best speed [BL/s] after 3 generations: mean, its 95 % interval, best\n  hill-climb (3 runs): "
     )
-    assert "random minus hill-climb: " in out and "A12 " in out
+    assert "random minus hill-climb: " in out and ", 3 pairs, higher in " in out and "(paired t, Holm)" in out
     assert "\n  luck (3 runs): " in morpholab("compare runs --names 'climbing, luck'")[1]
     code, _, error = morpholab("compare runs --names one")
     assert code == 2 and "names: 'one' is not allowed; give 2, one for each of hill-climb; random" in error
@@ -116,7 +119,25 @@ def test_single_runs_of_climbers_are_compared_by_climber(morpholab, tmp_path):
     ]
     scores = [log(tmp_path / "a")[i]["scores"] for i in range(5)]
     assert document["at"] == 5 and document["groups"][0]["mean"] == pytest.approx(np.mean(scores[4]))
-    assert morpholab("compare a b")[1].startswith("best speed [BL/s] after 5 evaluations of each climber: mean, its ")
+    _, out, error = morpholab("compare a b")
+    assert out.startswith("best speed [BL/s] after 5 evaluations of each climber: mean, its ") and "A12 " in out
+    assert error == ""  # with another pressure they begin elsewhere
+
+
+def test_starts_of_one_seed_are_told(morpholab):
+    """In full they make pairs; in part they make a test of independent samples find too little."""
+    design(morpholab, "a")
+    design(morpholab, "b", "generating-set")
+    design(morpholab, "c", more="--climbers 8")
+    design(morpholab, "d", more="--climbers 8", seed=1)
+    _, out, error = morpholab("compare a b")
+    assert ", 5 pairs, higher in " in out and "Cohen's d of pairs" in out and error == ""
+    _, out, error = morpholab("compare a c --names few,many")
+    assert "many minus few: " in out and "A12 " in out and error.count("\n") == 1
+    assert "few and many share 5 of 8 starts, so the test of the difference finds less than it could: search " in error
+    _, _, error = morpholab("compare a b c --by generations")
+    assert "share 5 of 8 starts, and so does 1 more pair of groups, so the test of the difference" in error
+    assert morpholab("compare a d")[2] == morpholab("compare c d")[2] == ""
 
 
 @pytest.mark.long
@@ -241,11 +262,11 @@ def test_runs_without_any_success_rank_below_all_others():
     seldom = np.array([[np.nan]] * 7 + [[1.0], [1.1], [1.2]])
     always = np.linspace(0.45, 0.55, 10)[:, None]
     groups = [Curve(name, (name,), "runs", np.array([1.0]), scores) for name, scores in (("a", seldom), ("b", always))]
-    (found,) = differences(groups, 1.0)
+    (found,) = differences_at(groups, 1.0)
     assert found.effect.difference == pytest.approx(-0.6) and found.effect.superiority == pytest.approx(0.7)
     ranks = np.where(np.isnan(seldom), -1.0, seldom)[:, 0]
     assert found.effect.p == pytest.approx(mannwhitneyu(ranks, always[:, 0], method="asymptotic").pvalue)
-    (same,) = differences([replace(groups[0], scores=seldom[7:]), groups[1]], 1.0)
+    (same,) = differences_at([replace(groups[0], scores=seldom[7:]), groups[1]], 1.0)
     assert same.effect.superiority == 0.0 and same.effect.difference == found.effect.difference
 
 
@@ -255,7 +276,7 @@ def test_groups_with_less_than_two_successes_are_ranked(successes):
     often = np.linspace(0.45, 0.55, 10)
     seldom = np.where(np.arange(10) < successes, 0.5001, np.nan)
     groups = [Curve(name, (name,), "runs", np.array([1.0]), v[:, None]) for name, v in (("a", seldom), ("b", often))]
-    (found,) = differences(groups, 1.0)
+    (found,) = differences_at(groups, 1.0)
     assert found.effect.superiority == pytest.approx(1.0 - 0.05 * successes)
     expected = mannwhitneyu(np.nan_to_num(seldom, nan=-1.0), often, method="asymptotic").pvalue
     assert found.effect.p == found.adjusted_p == pytest.approx(expected) and expected < 1e-3

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from optim.runs.comparison import curves, differences, shared_end, spoken_axis, standing
+from optim.runs.comparison import curves, shared_end, spoken_axis, standing
+from optim.runs.differences import differences_at
 from optim.runs.generation import Generation
 from optim.runs.history import History
 
@@ -30,7 +31,7 @@ def test_climbers_are_units_where_each_is_a_sample_of_its_own(method, unit):
     """Those of a race return about the best of all, and those of stochastic ascent move in the same minibatches."""
     found = curves([history(name, method) for name in "ab"], "generations")
     assert [curve.unit for curve in found] == [unit, unit]
-    assert bool(differences(found, shared_end(found, "generations"))) is (unit == "climbers")
+    assert bool(differences_at(found, shared_end(found, "generations"))) is (unit == "climbers")
 
 
 def test_of_methods_that_are_not_installed_the_run_is_the_unit():
