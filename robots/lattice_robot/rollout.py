@@ -237,11 +237,15 @@ class Rollout:
         """What measures know of the robots, of which the ground raises voxels where they start [m], shape (B, V)."""
         first, aim, cycle = self.bodies[0], self._aim, self.cycle
         moduli, densities, expansions, ratios = (
-            np.array([[getattr(m, field) for m in body.materials] for body in self.bodies])[:, first.material_index]
+            # Rows in memory as in a batch of one, for sums of the same bits.
+            np.ascontiguousarray(
+                np.array([[getattr(m, field) for m in body.materials] for body in self.bodies])[:, first.material_index]
+            )
             for field in ("youngs_modulus", "density", "thermal_expansion", "poissons_ratio")
         )
         if driven is None:
             driven = self.channels.driven(np.asarray(first.regions), expansions)
+        driven = np.ascontiguousarray(driven)
         moments = cycle.time_step * cycle.moments.astype(float)
         about = aim.direction, aim.length, cycle.duration, cycle.frequency, moments
         laws = {each.name: law_of(each) for each in aim.own_measures}

@@ -8,6 +8,7 @@ from made_records import BAR, EDGE, MODULUS, RUBBER, recorded
 
 from optim.problems.robot import RobotProblem
 from robots.control.cyclic import LAST_CYCLE
+from robots.freeform import FreeformActuation, FreeformRobot, Grid, Palette, Tissue
 from robots.lattice_robot import Drive, Free, LatticeRobot, load_robot
 from robots.lattice_robot.measures import measure
 from robots.lattice_robot.robustness import STARTS, Trust, trust_in
@@ -295,3 +296,22 @@ def test_a_heading_on_level_ground_leaves_a_body_with_a_poissons_ratio_as_it_is(
     for other in others:
         np.testing.assert_array_equal(other.frames["positions"], alike.frames["positions"])
         assert other.measures["energy"] == alike.measures["energy"]
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("sharpness", [np.inf, 1.5])
+def test_masses_have_the_bits_of_a_batch_of_one(sharpness):
+    """Of cells of several densities, which are no round numbers."""
+    kinds = (1033.7, True), (1471.3, False)
+    tissues = [Tissue(dataclasses.replace(RUBBER, density=density), muscle) for density, muscle in kinds]
+    muscles = FreeformActuation(amplitude=0.25, cycles=1, settling=0.0, frequency=50.0)
+    robot = FreeformRobot(Grid((5, 4, 3)), palette=Palette(tuple(tissues)), actuation=muscles)
+    low, high = np.array([(each.low, each.high) for each in robot.parameters]).T
+    points = np.tile(low + (high - low) * np.random.default_rng(0).uniform(0.35, 0.9, len(low)), (5, 1))
+    strong = [number for number, each in enumerate(robot.parameters) if "amplitude" in each.name]
+    points[:, strong] *= np.linspace(0.8, 1.0, 5)[:, None]  # all have the same cells
+    trial = Trial(Terrain(), sharpness=sharpness)
+    together = robot.run(points, trial).measures
+    for row, point in enumerate(points):
+        alone = robot.run(point[None], trial).measures
+        assert all(alone[name][0] == together[name][row] for name in ("mass", "payload"))
