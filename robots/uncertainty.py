@@ -40,6 +40,7 @@ class Perturbation:
         slope: angle added to the slope [degrees].
         levels: factors of the actuators' levels, one for each; empty for nominal levels.
         timing: factor of the durations of strokes and of the waits between them.
+        most: largest factor that levels may have in any draw, with which time steps reckon, so that draws share these.
     """
 
     sliding: float = 1.0
@@ -47,6 +48,12 @@ class Perturbation:
     slope: float = 0.0
     levels: tuple[float, ...] = ()
     timing: float = 1.0
+    most: float = 1.0
+
+    @property
+    def largest_level(self) -> float:
+        """The largest factor that levels have in this draw, or may have in others of its uncertainty; 1 at least."""
+        return max(self.most, 1.0, *self.levels)
 
     def tilted(self, terrain: Terrain) -> float:
         """The slope of a terrain in this draw [degrees]."""
@@ -188,7 +195,10 @@ class Uncertainty:
         times = 1 + self.timing * np.random.default_rng((stream, seed, 1)).uniform(-1.0, 1.0, count)
         levels = np.random.default_rng((stream, seed, 2)).uniform(-1.0, 1.0, (count, actuators if self.levels else 0))
         told = zip(grounds, (1 + self.levels * levels).tolist(), times.tolist(), strict=True)
-        return [Perturbation(low, high, tilt, tuple(reach), time) for (low, high, tilt), reach, time in told]
+        return [
+            Perturbation(low, high, tilt, tuple(reach), time, 1 + self.levels)
+            for (low, high, tilt), reach, time in told
+        ]
 
 
 @dataclass(frozen=True)

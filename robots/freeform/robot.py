@@ -17,6 +17,7 @@ from robots.freeform.grid import Grid
 from robots.freeform.palette import Palette, palette_of
 from robots.freeform.solid import Solid, drives_of, solid_of
 from robots.freeform.trials import counts_of, try_variants
+from robots.lattice_robot.gains import Gains
 from robots.lattice_robot.measures import checked_target, measures_among, measures_of
 from robots.lattice_robot.props import time_step_among
 from robots.lattice_robot.robot import LatticeRobot
@@ -86,7 +87,8 @@ class FreeformRobot(Robot):
         target: point (x, y) that it should come near, from where its centre of mass starts [m]; None for none.
         perturbation: standard deviation of noise on the start positions of robots that can be built [m].
         seed: seed of the noise.
-        gains: factors of the amplitudes of its muscles, where these are uncertain; no part of a description.
+        gains: factors of the amplitudes of its muscles, up to half an edge, where these are uncertain; no part of a
+            description.
         own_measures: of the user, see ``robots.own_measures``; installed ones may be given by name.
 
     Raises:
@@ -103,7 +105,7 @@ class FreeformRobot(Robot):
     target: tuple[float, float] | None = None
     perturbation: float = 1e-5
     seed: int = 0
-    gains: tuple[float, ...] = ()
+    gains: Gains | None = None
     own_measures: tuple[OwnMeasure, ...] = ()
 
     kind = "freeform"
@@ -190,7 +192,10 @@ class FreeformRobot(Robot):
         """Largest rest size that a cell of a design can reach [edges]."""
         materials = self.palette.materials
         heated = max(1 + m.thermal_expansion * m.temperature for m in materials)
-        driven = 1 + self.actuation.amplitude * math.hypot(1.0, RESOLUTION)
+        amplitude = self.actuation.amplitude
+        if self.gains:
+            amplitude = float(self.gains.reached(amplitude))
+        driven = 1 + amplitude * math.hypot(1.0, RESOLUTION)
         return max(driven, *(max(m.scale) for m in materials)) * max(heated, 1.0)
 
     def cycle_on(self, terrain: Terrain) -> Cycle:
@@ -246,7 +251,7 @@ class FreeformRobot(Robot):
             self,
             palette=Palette(tuple(tissues)),
             actuation=dataclasses.replace(drive, frequency=frequency),
-            gains=drawn.levels,
+            gains=Gains(drawn.levels, drawn.largest_level, LARGEST_AMPLITUDE) if drawn.levels else None,
         )
 
     def solid_at(self, fields: Fields, row: int) -> Solid:
@@ -256,14 +261,14 @@ class FreeformRobot(Robot):
     def waves(self, solid: Solid, points: Any) -> tuple[Any, Any]:
         """Compute amplitude and phase [cycles] of a solid's channels, shape (N, count), at points that may be traced.
 
-        A channel has the mean of the waves of its cells.
+        A channel has the mean of the waves of its cells, times its gain, if any, as far as ``LARGEST_AMPLITUDE``.
         """
         cells = np.moveaxis(self.parametrisation(points).swing[:, solid.cells], 1, -1)
         cosine, sine = np.moveaxis(mapped(solid.members, cells), 1, 0)
         length = np.sqrt(cosine * cosine + sine * sine + RESOLUTION**2)
         amplitude = self.actuation.amplitude * length
         if self.gains:
-            amplitude = amplitude * np.array(self.gains[: solid.count])
+            amplitude = self.gains.limited(amplitude * np.array(self.gains.factors[: solid.count]))
         return amplitude, np.arctan2(sine, cosine + RESOLUTION) / (2 * np.pi)
 
     def built(self, solid: Solid, amplitude: Floats, phase: Floats) -> LatticeRobot:
@@ -283,6 +288,7 @@ class FreeformRobot(Robot):
             seed=self.seed,
             highest_size=self.largest_size,
             lowest_size=HALF,  # its muscles shrink by half an edge at most
+            largest_amplitude=LARGEST_AMPLITUDE,
             own_measures=self.own_measures,
         )
 

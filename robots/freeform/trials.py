@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from robots.batches import batch_key, grouped, in_groups, of_each
 from robots.control.cyclic import SEGMENTS
+from robots.freeform.fields import RESOLUTION
 from robots.freeform.palette import MIXED
 from robots.freeform.solid import Solid
 from robots.lattice_robot.ground import WITHOUT_PROPS, material_friction
@@ -83,7 +84,13 @@ def try_variants(
     terrains = [terrain_of(world) for world in worlds]
     pairs = zip(robots, terrains, strict=True)
     groups = grouped(
-        (r.actuation.frequency, terrain.light is None, batch_key(terrain, r.palette.materials)) for r, terrain in pairs
+        (
+            r.actuation.frequency,
+            r.largest_size if terrain.is_wet else None,
+            terrain.light is None,
+            batch_key(terrain, r.palette.materials),
+        )
+        for r, terrain in pairs
     )
 
     def run(group: Sequence[int], progress: Progress | None) -> Iterator[LatticeRobotResult]:
@@ -215,7 +222,9 @@ def _mixture(robot: "FreeformRobot", terrain: Terrain, points: Any, sharpness: f
     muscle = (weights * palette.muscles).sum(axis=2)
     swing = fields.swing * (muscle * robot.actuation.amplitude)[..., None]
     if robot.gains:
-        swing = swing * np.array(robot.gains)[:, None]
+        swing = swing * np.array(robot.gains.factors)[:, None]
+        length = np.sqrt((swing * swing).sum(axis=-1, keepdims=True) + RESOLUTION**2)
+        swing = swing / np.maximum(length / robot.gains.limit, 1.0)
     moved = (swing[..., None, :] * WAVE).sum(axis=3)
     numbers = palette.mixtures(projected(fields.presence, sharpness), weights)
     given = material_friction(terrain, taken=WITHOUT_PROPS)  # as mixtures meet no props

@@ -20,6 +20,7 @@ LATER = (
     "highest_moduli",
     "highest_size",
     "lowest_size",
+    "largest_amplitude",
     "origin",
 )
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.control.cyclic import SEGMENTS
+from robots.lattice_robot.gains import Gains
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import number
 from taichi_sim.lattice import LatticeBody, Quantity
@@ -77,7 +78,7 @@ class Drive:
         axes: of the scale: some of "xyz", in the voxel's frame.
         proportions: of a scale that swings about its material's: how far along each of the axes, the first by 1; none
             is as far along all. So a bladder that thickens may lengthen a little.
-        gains: factors of the amplitude, one for each region; none is as said. They are no part of a description: what
+        gains: factors of the amplitude, one for each region; None is as said. They are no part of a description: what
             is drawn of a robot whose drives are uncertain.
 
     Raises:
@@ -93,7 +94,7 @@ class Drive:
     knots: tuple[Value, ...] = ()
     axes: str = "xyz"
     proportions: tuple[float, ...] = ()
-    gains: tuple[float, ...] = ()
+    gains: Gains | None = None
 
     def __post_init__(self) -> None:
         if self.quantity not in QUANTITIES:
@@ -190,7 +191,8 @@ class Drive:
         }
         amplitude, phase = (self._of_regions(arrays[field])[..., None] for field in ("amplitude", "phase"))
         if self.gains:
-            amplitude = amplitude * np.array(self.gains)[:, None]
+            peak = np.abs(arrays["knots"]).max(axis=1)[:, None, None] if "knots" in arrays else 1.0
+            amplitude = self.gains.limited(amplitude * np.array(self.gains.factors)[:, None], peak)
         places = np.arange(SEGMENTS) / SEGMENTS + phase + np.asarray(later, float).reshape(-1, 1, 1)
         wave = amplitude * (_curve(arrays["knots"], places) if "knots" in arrays else np.sin(2 * np.pi * places))
         if "mean" in arrays:

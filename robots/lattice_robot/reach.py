@@ -1,7 +1,8 @@
 """The smallest and largest rest sizes that the drives of a lattice robot can give its voxels."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,14 +18,49 @@ if TYPE_CHECKING:
 HARMONICS = 4.0
 
 
+def usual_range(robot: "LatticeRobot") -> tuple[float, float]:
+    """Smallest and largest rest size of a robot's voxels [edges] without gains of its drives: those given, or reached.
+
+    Those reached count whatever is free of it.
+    """
+    lowest, highest = robot.lowest_size, robot.highest_size
+    if lowest is not None and highest is not None:
+        return lowest, highest
+    least, most = _reached(robot, False)
+    return lowest or least, highest or most
+
+
 def size_range(robot: "LatticeRobot") -> tuple[float, float]:
+    """Smallest and largest rest size of a robot's voxels [edges] with the largest gains that its drives may be drawn.
+
+    Sizes that are given are those of a search without gains, which move them away from an edge.
+    """
+    gains = [drive.gains for drive in robot.drives if drive.gains]
+    if not gains:
+        return usual_range(robot)
+    least, most = _reached(robot, True)
+    if robot.lowest_size is not None:
+        least = min(least, 1 - max(float(each.reached(1 - robot.lowest_size)) for each in gains))
+    if robot.highest_size is not None:
+        most = max(most, 1 + max(float(each.reached(robot.highest_size - 1)) for each in gains))
+    return max(least, SMALLEST), most
+
+
+def kept(robot: "LatticeRobot", design: "LatticeRobot") -> "LatticeRobot":
+    """A design of a robot with the sizes for which the robot's time steps are, where its own are others.
+
+    They are without gains, whatever the robot has: gains of the design move them on.
+    """
+    given = zip(("lowest_size", "highest_size"), usual_range(robot), usual_range(design), strict=True)
+    changed: dict[str, Any] = {name: size for name, size, own in given if own != size}
+    return replace(design, **changed)
+
+
+def _reached(robot: "LatticeRobot", drawn: bool) -> tuple[float, float]:
     """Smallest and largest rest size that a voxel of a robot can reach [edges], whatever is free of it.
 
-    What reflexes answer is counted. A smallest size above half an edge is told as that: it changes no time step. Sizes
-    below ``SMALLEST`` are refused when they come, so none is smaller.
-
-    Gains of drives, of which uncertain ones have some, are not counted: robots that differ in them share time steps,
-    whose safety factor is more than what they add.
+    What reflexes answer is counted, and gains of drives if ``drawn``. A smallest size above half an edge is told as
+    that: it changes no time step. Sizes below ``SMALLEST`` are refused when they come, so none is smaller.
     """
     body = robot.body
     of_voxels = [body.materials[number] for number in body.material_index]
@@ -35,9 +71,8 @@ def size_range(robot: "LatticeRobot") -> tuple[float, float]:
         if drive.quantity not in ("scale", "temperature"):
             continue
         rows = driven_voxels(drive, body)
-        found = zip(
-            _range(robot, drive), scales if drive.quantity == "scale" else heats, (np.minimum, np.maximum), strict=True
-        )
+        known_ends = scales if drive.quantity == "scale" else heats
+        found = zip(_range(robot, drive, drawn), known_ends, (np.minimum, np.maximum), strict=True)
         for end, known, pick in found:
             of_region = dict(zip(drive.regions, end.tolist(), strict=True))
             reached = [of_region[region] for region in np.asarray(body.regions)[rows].tolist()]
@@ -48,8 +83,11 @@ def size_range(robot: "LatticeRobot") -> tuple[float, float]:
     return min(max(float(least.min()), SMALLEST), HALF), float(most.max())
 
 
-def _range(robot: "LatticeRobot", drive: Drive) -> tuple[Floats, Floats]:
-    """The least and the most that a drive can make of its quantity in each of its regions, shape (G,) each."""
+def _range(robot: "LatticeRobot", drive: Drive, drawn: bool) -> tuple[Floats, Floats]:
+    """The least and the most that a drive can make of its quantity in each of its regions, shape (G,) each.
+
+    With its gains, if ``drawn``.
+    """
     count, share = len(drive.regions), max(map(abs, drive.shares))
     if drive.mean is None:
         rest = robot.rest_of(drive)
@@ -58,7 +96,10 @@ def _range(robot: "LatticeRobot", drive: Drive) -> tuple[Floats, Floats]:
         low, high = _ends(drive.mean, count)
     knots = max((abs(bound) for knot in drive.knots for bound in _bounds(knot)), default=1.0)
     amplitudes = _each(drive.amplitude, count)
-    swing = np.array([max(map(abs, _bounds(value))) for value in amplitudes]) * knots * share
+    swing = np.array([max(map(abs, _bounds(value))) for value in amplitudes]) * knots
+    if drawn and drive.gains:
+        swing = drive.gains.reached(swing)
+    swing = swing * share
     if robot.reflexes is None or drive.quantity != "scale":
         return low - swing, high + swing
     if robot.reflexes.kind == "network":

@@ -69,6 +69,7 @@ class LatticeRobot(OutOfTheLab):
             Designs of a search have the highest of the search, whose time steps they keep so.
         lowest_size, highest_size: smallest rest size of voxels [edges] for which time steps are stable, and largest
             for which those in water are; by default what its own drives reach. Designs have those of their search.
+        largest_amplitude: largest amplitude of sizes that uncertain levels make of one [edges]; None for any.
         is_afloat: whether it is in water, whose time steps are shorter, see :meth:`on`.
         origin: place (x, y, z) that the first place of the body's grid had in the file that it was made of [m]: what is
             exported for printers lies there again. Motions are counted from the grid.
@@ -96,6 +97,7 @@ class LatticeRobot(OutOfTheLab):
     highest_moduli: tuple[float, ...] = ()
     highest_size: float | None = None
     lowest_size: float | None = None
+    largest_amplitude: float | None = None
     is_afloat: bool = False
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     own_measures: tuple[OwnMeasure, ...] = ()
@@ -113,7 +115,8 @@ class LatticeRobot(OutOfTheLab):
         number("time_step_safety", self.time_step_safety, 1e-3)
         number("perturbation", self.perturbation, 0.0, self.body.voxel_size, "m")
         whole_number("seed", self.seed, 0)
-        for name, most in (("reference_length", 1e6), ("highest_size", 1e3), ("lowest_size", 1e3)):
+        lengths = {"reference_length": 1e6, "highest_size": 1e3, "lowest_size": 1e3, "largest_amplitude": 1e3}
+        for name, most in lengths.items():
             if getattr(self, name) is not None:
                 positive(name, getattr(self, name), most)
         if self.target is not None:
@@ -177,11 +180,7 @@ class LatticeRobot(OutOfTheLab):
         if self.reflexes is not None:
             weights = tuple(self.weights_of(points)[0].tolist())
             own["reflexes"] = dataclasses.replace(self.reflexes, weights=weights)
-        found = dataclasses.replace(self, **own)
-        for name, size, one in zip(("lowest_size", "highest_size"), self.size_range, found.size_range, strict=True):
-            if one != size:
-                own[name] = size
-        return dataclasses.replace(self, **own)
+        return reach.kept(self, dataclasses.replace(self, **own))
 
     def design(self, point: ArrayLike) -> "LatticeRobot":
         """Return the robot of a point with nothing free."""
@@ -190,10 +189,7 @@ class LatticeRobot(OutOfTheLab):
     @cached_property
     def size_range(self) -> tuple[float, float]:
         """Smallest and largest rest size of a voxel for which its time steps are stable [edges]."""
-        if self.lowest_size is not None and self.highest_size is not None:
-            return self.lowest_size, self.highest_size
-        least, most = reach.size_range(self)
-        return self.lowest_size or least, self.highest_size or most
+        return reach.size_range(self)
 
     @cached_property
     def cycle(self) -> Cycle:

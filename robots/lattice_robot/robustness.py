@@ -3,12 +3,14 @@
 Contact makes robots sensitive: a gait that a search has found may live on one friction, one step size or one stance.
 """
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY
+from robots.lattice_robot.gains import Gains
 from robots.lattice_robot.ground import without_friction
 from robots.outcome import Judgement
 from robots.robot import Progress, Trial
@@ -116,8 +118,12 @@ def perturbed_robot(robot: "LatticeRobot", drawn: Perturbation) -> "LatticeRobot
     """The robot with the friction of its materials, the amplitudes of its drives and the period multiplied as drawn."""
     levels, drives = iter(drawn.levels), []
     for drive in robot.drives:
-        moves = drawn.levels and drive.quantity != "friction"
-        drives.append(replace(drive, gains=tuple(next(levels) for _ in drive.regions) if moves else ()))
+        gains = None
+        if drawn.levels and drive.quantity != "friction":
+            limit = robot.largest_amplitude if drive.quantity == "scale" else None
+            factors = tuple(next(levels) for _ in drive.regions)
+            gains = Gains(factors, drawn.largest_level, math.inf if limit is None else limit)
+        drives.append(replace(drive, gains=gains))
     frequency = min(max(robot.frequency / drawn.timing, LEAST_FREQUENCY), MOST_FREQUENCY)
     robot = replace(robot, drives=tuple(drives), frequency=frequency)
     return robot if drawn.gripping == 1 else _slippery(robot, drawn.gripping)

@@ -71,13 +71,18 @@ def sharing(robots: "Sequence[LatticeRobot]", terrains: Sequence[Terrain]) -> li
     Robots agree in all but the friction of their materials, the gains of their drives and the seed of the noise where
     they start; terrains in all but slope, ground, light and friction, and in whether there is water and whether the
     ground yields. Level and uneven ground share one: the laws of either give robots on level ground the same bits, in
-    about the same time. Among props, friction agrees, too.
+    about the same time. Among props, friction agrees, too; in water the sizes that gains reach, as they set its steps.
     """
     distinct = {id(robot): robot for robot in robots}
     known = {number: _shared(robot) for number, robot in distinct.items()} if len(distinct) > 1 else {}
     pairs = zip(robots, terrains, strict=True)
     return grouped(
-        (known.get(id(robot)), robot.light_in(terrain) is None, batch_key(terrain, robot.body.materials))
+        (
+            known.get(id(robot)),
+            robot.size_range if terrain.is_wet else None,
+            robot.light_in(terrain) is None,
+            batch_key(terrain, robot.body.materials),
+        )
         for robot, terrain in pairs
     )
 
@@ -86,7 +91,7 @@ def _shared(robot: "LatticeRobot") -> Hashable:
     """All that robots must have in common to share a batch, as a key to compare."""
     body = robot.body
     materials = tuple(replace(material, **_SMOOTH) for material in body.materials)  # type: ignore[arg-type]
-    drives = tuple(replace(drive, gains=()) for drive in robot.drives)
+    drives = tuple(replace(drive, gains=None) for drive in robot.drives)
     lattice = tuple(np.asarray(getattr(body, each.name)).tobytes() for each in fields(body) if each.name != "materials")
     settings = tuple(getattr(robot, each.name) for each in fields(robot) if each.name not in _OWN)
     noise = None if robot.reflexes is None else robot.seed  # that of senses is one for all

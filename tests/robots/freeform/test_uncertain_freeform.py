@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from robots.freeform import FreeformActuation, FreeformRobot, Grid
+from robots.freeform.trials import try_variants
+from robots.lattice_robot.record import robot_of_record
 from robots.robot import Trial
-from robots.uncertainty import Perturbation
+from robots.uncertainty import Perturbation, Uncertainty
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
 
-HILL = Terrain(5.0)
+HILL, WATER = Terrain(5.0), Terrain.water()
 
 
 def robot(amplitude: float = 0.25, full: bool = True) -> FreeformRobot:
@@ -35,14 +37,96 @@ def test_amplitudes_friction_and_period_are_multiplied():
     assert np.array_equal(amplitudes[1], 1.5 * np.array(amplitudes[0]))
 
 
+def strongest(made: FreeformRobot) -> np.ndarray:
+    """The start of a robot, with all muscles as strong as they may be."""
+    return np.array([p.high if "amplitude" in p.name else p.start for p in made.parameters])
+
+
+def test_no_factor_moves_a_muscle_by_more_than_half_an_edge():
+    strong = robot(0.45)
+    changed = strong.perturbed(drawn(1.4))
+    (drive,) = changed.design(strongest(strong)).drives
+    assert drive.amplitude == (0.5,) * 12 and changed.largest_size == pytest.approx(1.5)
+    design = strong.design(strongest(strong))
+    for judged in (design, robot_of_record(design.describe())):  # as files have it, too
+        (sizes,) = judged.perturbed(drawn(1.9)).nodes(np.zeros((1, 0)))
+        assert 0.5 <= sizes.min() < 0.53 and 1.47 < sizes.max() <= 1.5
+        assert judged.perturbed(drawn(1.9)).cycle.time_step == judged.cycle.time_step
+
+
 @pytest.mark.kernels
-def test_a_search_draws_what_a_judge_draws():
-    """Of muscles that may go further than most, too."""
-    strong, draw = robot(0.45), drawn(1.4)
-    point = strong.start[None]
-    searched = strong.perturbed(draw).run(point, Trial(HILL))
-    judged = strong.design(point[0]).perturbed(draw).simulate(np.zeros((1, 0)), HILL)
+@pytest.mark.parametrize("world", [HILL, WATER])
+@pytest.mark.parametrize("level", [0.9, 1.4, 2.0])
+def test_a_search_draws_what_a_judge_draws(level, world):
+    """Of muscles that may go further than half an edge, too, whose factors are clipped, and in water."""
+    strong, draw = robot(0.45), drawn(level)
+    point = strongest(strong)[None]
+    searched = strong.perturbed(draw).run(point, Trial(world))
+    judged = strong.design(point[0]).perturbed(draw).simulate(np.zeros((1, 0)), world)
     assert searched.status[0] == "ok" and searched.measures["speed"][0] == judged.measures["speed"][0]
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("sharpness", [np.inf, 20.0])
+def test_muscles_that_are_drawn_far_gain_no_energy(sharpness):
+    """Muscles far beyond half an edge gave 30 times the energy of a third of the time step."""
+    muscles = FreeformActuation(amplitude=0.5, cycles=1, settling=0.02, frequency=8.0)
+    made = FreeformRobot(Grid((4, 2, 2)), actuation=muscles)
+    point = strongest(made)
+    phases = [number for number, p in enumerate(made.parameters) if "phase" in p.name]
+    point[phases] = np.linspace(0.75, 0.85, len(phases))
+    slower = replace(made, actuation=replace(muscles, time_step_safety=3.9))
+    draw, trial = Perturbation(levels=(1.6,) * 16), Trial(Terrain(), sharpness=sharpness)
+    found, expected = (each.perturbed(draw).run(point[None], trial).measures["energy"] for each in (made, slower))
+    assert found == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("sharpness", [np.inf, 2.0])
+def test_gradients_of_clipped_muscles_are_those_of_differences(sharpness):
+    """By all variables, of muscles of which some are clipped: these have no derivative by their amplitude."""
+    made = robot(0.4, full=sharpness == np.inf)
+    kinds = [parameter.name.split("_")[0] for parameter in made.parameters]
+    generator, point = np.random.default_rng(3), made.start.copy()
+    for kind, ends in (("amplitude", (0.2, 0.4)), ("phase", (0.1, 0.9)), ("presence", (0.6, 0.9))):
+        where = np.flatnonzero(np.array(kinds) == kind)
+        point[where] = generator.uniform(*ends, len(where))
+    levels = generator.uniform(1.2, 2.0, 12)
+    changed = made.perturbed(Perturbation(levels=tuple(levels)))
+    amplitudes = np.flatnonzero(np.array(kinds) == "amplitude")
+    clipped = point[amplitudes] * levels > 0.5
+    assert 3 <= clipped.sum() <= 9
+    trial = Trial(WATER, Compute(threads=1), sharpness=sharpness)
+    exact = changed.run(point[None], replace(trial, gradients=("energy", "distance")))
+    slopes = {}
+    for step in (1e-6, 1e-7, 1e-8):  # the wider ones may lie across a kink
+        moved = step * np.eye(len(point))
+        for name, found in changed.run(point + np.concatenate([moved, -moved]), trial).measures.items():
+            slopes.setdefault(name, []).append((found[: len(point)] - found[len(point) :]) / (2 * step))
+    for name, gradient in exact.gradients.items():
+        every = np.array(slopes[name])
+        assert np.abs(every - gradient).min(axis=0).max() < 1e-6 * np.abs(every).max()
+        by_amplitude = np.abs(gradient[0, amplitudes]) > 1e-12 * np.abs(gradient).max()  # of rounding there is some
+        assert np.array_equal(by_amplitude, ~clipped)
+
+
+def test_all_draws_have_the_time_step_of_the_widest():
+    made = robot(0.25)
+    draws = Uncertainty.parse("levels=40%").draw(5, actuators=made.actuators)
+    steps = {made.perturbed(draw).cycle_on(WATER).time_step for draw in draws}
+    assert steps == {robot(0.35).cycle_on(WATER).time_step}
+    assert {made.perturbed(draw).cycle for draw in draws} == {made.cycle}
+
+
+@pytest.mark.kernels
+def test_draws_with_other_time_steps_share_no_batch():
+    made = robot(0.25)
+    variants = [made.perturbed(drawn(level)) for level in (0.8, 1.8)]
+    found = try_variants(variants, made.start[None], [WATER, WATER], Trial(WATER))
+    assert found[0].time_step > found[1].time_step
+    for variant, together in zip(variants, found, strict=True):
+        alone = variant.run(made.start[None], Trial(WATER))
+        assert np.array_equal(alone.measures["energy"], together.measures["energy"])
 
 
 def test_what_is_drawn_is_no_part_of_a_description():
