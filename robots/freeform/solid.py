@@ -130,6 +130,21 @@ def clustered(swing: Floats, channels: int | None) -> tuple[NDArray[np.int64], i
     return nearest.astype(np.int64), len(used)
 
 
+def channels_of_cells(solid: Solid, swing: Floats) -> NDArray[np.int64]:
+    """Channel of every cell of a grid, shape (V,): the one that drives it, else the one whose wave is the nearest.
+
+    Args:
+        solid: whose channels they are; of one without any, all cells have the first.
+        swing: components of the waves of all cells, shape (V, 2).
+    """
+    if not solid.count:
+        return np.zeros(len(swing), np.int64)
+    found = cluster.vq.vq(swing, solid.members @ swing[solid.cells])[0].astype(np.int64)
+    driven = solid.channels >= 0
+    found[solid.cells[driven]] = solid.channels[driven]
+    return found
+
+
 def drives_of(solid: Solid, amplitude: Floats, phase: Floats, apart: bool) -> tuple[Drive, ...]:
     """What drives the channels of a solid: a drive for each, or one for all.
 

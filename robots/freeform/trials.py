@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from robots.batches import batch_key, grouped, in_groups, of_each
 from robots.control.cyclic import SEGMENTS
-from robots.freeform.fields import RESOLUTION
+from robots.freeform.fields import RESOLUTION, Fields
 from robots.freeform.palette import MIXED
-from robots.freeform.solid import Solid
+from robots.freeform.solid import Solid, channels_of_cells
 from robots.lattice_robot.ground import WITHOUT_PROPS, material_friction
 from robots.lattice_robot.rollout import Aim, Channels, Rollout
 from robots.lattice_robot.scenes import Scenes
@@ -222,7 +222,7 @@ def _mixture(robot: "FreeformRobot", terrain: Terrain, points: Any, sharpness: f
     muscle = (weights * palette.muscles).sum(axis=2)
     swing = fields.swing * (muscle * robot.actuation.amplitude)[..., None]
     if robot.gains:
-        swing = swing * np.array(robot.gains.factors)[:, None]
+        swing = swing * _factors(robot, fields)[..., None]
         length = np.sqrt((swing * swing).sum(axis=-1, keepdims=True) + RESOLUTION**2)
         swing = swing / np.maximum(length / robot.gains.limit, 1.0)
     moved = (swing[..., None, :] * WAVE).sum(axis=3)
@@ -230,6 +230,20 @@ def _mixture(robot: "FreeformRobot", terrain: Terrain, points: Any, sharpness: f
     given = material_friction(terrain, taken=WITHOUT_PROPS)  # as mixtures meet no props
     numbers |= {name: 0.0 * muscle + friction for name, friction in given.items()}
     return np.tile(moved, (1, 3, 1)), muscle, *(numbers[name] for name in MIXED)
+
+
+def _factors(robot: "FreeformRobot", fields: Fields) -> Floats:
+    """Factor of the amplitude of each cell of mixtures, shape (V,), or (N, V) where cells share channels.
+
+    Cells have the factors of the channels that would drive them in the robot that can be built.
+    """
+    assert robot.gains is not None
+    factors = np.array(robot.gains.factors)
+    if robot.actuation.channels is None:
+        return factors
+    plain = Fields(*(value_of(each) for each in (fields.presence, fields.tissue, fields.swing)))
+    rows = (channels_of_cells(robot.solid_at(plain, row), swing) for row, swing in enumerate(plain.swing))
+    return factors[np.stack(list(rows))]
 
 
 def _sizes(regions: NDArray[Any]) -> Channels:

@@ -129,6 +129,31 @@ def test_draws_with_other_time_steps_share_no_batch():
         assert np.array_equal(alone.measures["energy"], together.measures["energy"])
 
 
+@pytest.mark.kernels
+@pytest.mark.parametrize("channels", [1, 2])
+def test_mixtures_draw_a_factor_for_each_channel(channels):
+    """So an almost sharp mixture does what the robot does that can be built, in every draw."""
+    muscles = FreeformActuation(amplitude=0.25, cycles=1, settling=0.02, frequency=8.0, channels=channels)
+    made = FreeformRobot(Grid((4, 2, 2)), actuation=muscles)
+    names, point = [parameter.name for parameter in made.parameters], strongest(made)
+    front = made.grid.places[:, 0] > 1
+    point[[name.startswith("phase") for name in names]] = np.where(front & (channels > 1), 0.1, 0.35)
+    point[names.index("presence_1_1_2")] = 0.0  # so that channels are not numbered as if all cells were there
+    draws = Uncertainty.parse("levels=40%").draw(4, actuators=made.actuators)
+    variants = [made.perturbed(draw) for draw in draws]
+    energies = [
+        [
+            found.measures["energy"][0]
+            for found in made.run_in(
+                point[None], [WATER] * 4, Trial(WATER, Compute(threads=1), sharpness=sharpness), variants
+            )
+        ]
+        for sharpness in (np.inf, 30.0)
+    ]
+    assert energies[1] == pytest.approx(energies[0], rel=0.03)
+    assert np.std(energies[0]) > 0.1 * np.mean(energies[0])
+
+
 def test_what_is_drawn_is_no_part_of_a_description():
     assert robot().describe() == robot().perturbed(drawn(1.1)).describe()
 
