@@ -175,7 +175,8 @@ def rover() -> list[Row]:
             "100 %",
             reproduced("rover-pre-optimisation"),
             "1 to 3",
-            "the least of three; masses differ, as they decide little ([the base body](rover-measured.md#the-base-body))",
+            "the least of three; masses differ, as they decide little "
+            "([the base body](rover-measured.md#the-base-body))",
         )
     )
     return rows

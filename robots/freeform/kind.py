@@ -6,6 +6,7 @@ from typing import Any
 
 from robots.kind import OWN_MEASURES_OPTION, choices
 from robots.lattice_robot.ground import LatticeGroundKind
+from robots.lattice_robot.kind import LINKS_OPTION
 from robots.lattice_robot.walker_kind import shape_of
 from robots.robot import Option, Robot
 from taichi_sim.base.files import read_text
@@ -16,7 +17,7 @@ from taichi_sim.base.short_text import counted
 FIELDS = ("cells", "filtered", "blobs", "network", "pattern")
 GRID = ("shape", "voxel_size", "symmetry")
 ACTUATION = ("amplitude", "frequency", "cycles", "settling", "channels")
-OWN = ("fields", "detail", "full", "feature", "target", "perturbation", "seed", "own_measures")
+OWN = ("fields", "detail", "full", "feature", "target", "perturbation", "seed", "links", "own_measures")
 
 
 class FreeformKind(LatticeGroundKind):
@@ -43,6 +44,7 @@ class FreeformKind(LatticeGroundKind):
         Option("target", "point that it should come near, in metres from its start", numbers(2), "X,Y"),
         Option("perturbation", "noise on start positions, in metres (default: 1e-5)", number(0), "M"),
         Option("seed", "of that noise (default: 0)", whole(0), "N"),
+        LINKS_OPTION,
         OWN_MEASURES_OPTION,
     )
 

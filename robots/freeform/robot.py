@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import built, choice, number, whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.short_text import counted
+from taichi_sim.lattice.body import BALANCED, LINK_LAWS, USUAL_LINKS
 from taichi_sim.lattice.time_steps import HALF, afloat
 
 LARGEST_AMPLITUDE = 0.5
@@ -87,6 +88,7 @@ class FreeformRobot(Robot):
         target: point (x, y) that it should come near, from where its centre of mass starts [m]; None for none.
         perturbation: standard deviation of noise on the start positions of robots that can be built [m].
         seed: seed of the noise.
+        links: law of the links between cells, see ``LatticeBody``.
         gains: factors of the amplitudes of its muscles, up to half an edge, where these are uncertain; no part of a
             description.
         own_measures: of the user, see ``robots.own_measures``; installed ones may be given by name.
@@ -105,6 +107,7 @@ class FreeformRobot(Robot):
     target: tuple[float, float] | None = None
     perturbation: float = 1e-5
     seed: int = 0
+    links: str = USUAL_LINKS
     gains: Gains | None = None
     own_measures: tuple[OwnMeasure, ...] = ()
 
@@ -125,6 +128,7 @@ class FreeformRobot(Robot):
             )
         number("perturbation", self.perturbation, 0.0, self.grid.voxel_size, "m")
         whole_number("seed", self.seed, 0)
+        choice("links", self.links, LINK_LAWS)
         if self.target is not None:
             object.__setattr__(self, "target", checked_target(self.target))
         object.__setattr__(self, "own_measures", checked_own_measures(self.own_measures, TOLD_ANYWAY))
@@ -185,7 +189,7 @@ class FreeformRobot(Robot):
     @cached_property
     def cycle(self) -> Cycle:
         """Timing of the cycles; all designs have the same time step."""
-        return self._cycle(self._stable_step)
+        return self.cycle_on(Terrain())
 
     @property
     def largest_size(self) -> float:
@@ -204,7 +208,8 @@ class FreeformRobot(Robot):
         Raises:
             ValueError: for props too light or too heavy for their contact with the tissues.
         """
-        stable, share = self._stable_step, afloat(self.largest_size) if terrain.is_wet else 1.0
+        balanced = terrain.is_wet or self.links == BALANCED
+        stable, share = self._stable_step, afloat(self.largest_size) if balanced else 1.0
         if terrain.props:
             stable = min(stable, time_step_among(self.palette.materials, terrain.props, self.grid.voxel_size))
         return self._cycle(stable / share)
@@ -246,11 +251,11 @@ class FreeformRobot(Robot):
         """Return this robot with tissue friction, muscle amplitudes and period multiplied by drawn factors."""
         drive = self.actuation
         frequency = min(max(drive.frequency / drawn.timing, LEAST_FREQUENCY), MOST_FREQUENCY)
-        tissues = (dataclasses.replace(t, material=drawn.rubbed(t.material)) for t in self.palette.tissues)
-        return dataclasses.replace(
+        tissues = (replace(t, material=drawn.rubbed(t.material)) for t in self.palette.tissues)
+        return replace(
             self,
             palette=Palette(tuple(tissues)),
-            actuation=dataclasses.replace(drive, frequency=frequency),
+            actuation=replace(drive, frequency=frequency),
             gains=Gains(drawn.levels, drawn.largest_level, LARGEST_AMPLITUDE) if drawn.levels else None,
         )
 
@@ -273,7 +278,7 @@ class FreeformRobot(Robot):
 
     def built(self, solid: Solid, amplitude: Floats, phase: Floats) -> LatticeRobot:
         """Build the lattice robot of a solid, with amplitudes and phases [cycles] of its channels, shape (count,)."""
-        drive, body = self.actuation, solid.body(self.grid, self.palette)
+        drive, body = self.actuation, replace(solid.body(self.grid, self.palette), links=self.links)
         return LatticeRobot(
             body,
             drives_of(solid, amplitude, phase, drive.channels is not None),
@@ -319,7 +324,7 @@ class FreeformRobot(Robot):
         found = super().replay(point, world, frames=frames, name=name, compute=compute, progress=progress)
         solid = self.solid_at(self.parametrisation(self.points(point)), 0)
         measures = {**found.outcome.measures, **counts_of([solid], found.outcome.status)}
-        return dataclasses.replace(found, outcome=dataclasses.replace(found.outcome, measures=measures))
+        return replace(found, outcome=replace(found.outcome, measures=measures))
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Simulate the robots of N points."""
@@ -345,6 +350,8 @@ class FreeformRobot(Robot):
         """Describe everything that results depend on, as JSON values."""
         palette = [{**dataclasses.asdict(t.material), "muscle": t.muscle} for t in self.palette.tissues]
         own = {name: value for name, value in dataclasses.asdict(self).items() if name not in ("gains", "own_measures")}
+        if self.links == USUAL_LINKS:  # as before there were others
+            del own["links"]
         measures = {"own_measures": records_of(self.own_measures)} if self.own_measures else {}
         return {**own, **measures, "palette": palette}
 
@@ -372,8 +379,8 @@ class FreeformRobot(Robot):
 
     def at_horizon(self, length: int) -> tuple[str, "FreeformRobot"]:
         """Return a label and the robot with ``length`` cycles."""
-        drive = dataclasses.replace(self.actuation, cycles=length)
-        return counted(length, "cycle"), dataclasses.replace(self, actuation=drive)
+        drive = replace(self.actuation, cycles=length)
+        return counted(length, "cycle"), replace(self, actuation=drive)
 
 
 def freeform_of(description: Mapping[str, Any]) -> FreeformRobot:

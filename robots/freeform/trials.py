@@ -179,7 +179,9 @@ def _mixed(cases: Cases, points: Floats, which: Ints) -> LatticeRobotResult:
     owners = cases.of(which)
     (swung, driven, *values), pull_back = trace(partial(of_each, owners, mixture), points)
     numbers, each = dict(zip(MIXED, values, strict=True)), np.arange(grid.count)
-    plain = LatticeBody(grid.places, robot.palette.materials[:1] * grid.count, each, grid.voxel_size, each)
+    plain = LatticeBody(
+        grid.places, robot.palette.materials[:1] * grid.count, each, grid.voxel_size, each, links=robot.links
+    )
     rows = ({name: found[row] for name, found in numbers.items()} for row in range(len(points)))
     bodies = [robot.palette.body(plain, row) for row in rows]
     rollout = Rollout(

@@ -19,6 +19,7 @@ from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.short_text import decimal
+from taichi_sim.lattice.body import BALANCED
 
 if TYPE_CHECKING:
     from robots.lattice_robot.drive import Drive
@@ -91,7 +92,7 @@ def trust_in(
         trials += [(f"{part:g} of the friction", _slippery(noisy, part)) for part in FRICTIONS]
     trials.append(("half the time step", replace(noisy, time_step_safety=2 * robot.time_step_safety)))
     if not (terrain.is_wet or robot.body.is_balanced):  # in water all links are
-        trials.append(("balanced links", replace(noisy, body=replace(noisy.body, links="balanced"))))
+        trials.append(("balanced links", replace(noisy, body=replace(noisy.body, links=BALANCED))))
     names, robots = zip(*trials, strict=True)
     told = Trial(terrain, compute, progress=progress)
     outcomes = robot.run_in(robot.points(()), [terrain] * len(trials), told, robots)

@@ -15,8 +15,7 @@ from taichi_sim.lattice import time_steps
 from taichi_sim.lattice.materials import Material, voxel_mass
 from taichi_sim.lattice.topology import Topology, build_topology
 
-USUAL_LINKS = "alike"
-LINK_LAWS = (USUAL_LINKS, "balanced", "published")
+LINK_LAWS = USUAL_LINKS, BALANCED, PUBLISHED = "alike", "balanced", "published"
 
 
 def _frozen(array: object, dtype: type, name: str, shape: tuple[int, ...]) -> np.ndarray:
@@ -122,7 +121,7 @@ class LatticeBody(ShortText):
     @property
     def is_balanced(self) -> bool:
         """Whether links keep angular momentum on dry ground, too."""
-        return self.links == "balanced"
+        return self.links == BALANCED
 
     @property
     def has_chambers(self) -> bool:

@@ -415,3 +415,16 @@ def test_parts_of_a_symmetric_grid_are_mirror_images_of_themselves():
     presence[:, 0] = presence[:, 3] = 1.0
     solid = apart.solid_at(dataclasses.replace(fields, presence=presence.reshape(1, -1)), 0)
     assert solid.fault == "its mirrored parts do not touch"
+
+
+@pytest.mark.kernels
+def test_balanced_links_are_those_of_every_body_of_a_search():
+    """True designs, saved robots and mixtures; runs without them say nothing of links."""
+    plain, made = robot((4, 2, 2)), robot((4, 2, 2), links="balanced")
+    assert "links" not in plain.describe() and freeform_of(made.describe()).links == "balanced"
+    assert plain.cycle.time_step > 1.3 * made.cycle.time_step == pytest.approx(1.3 * made.cycle_on(Terrain()).time_step)
+    point = sampled(made, seed=3, relaxed=True)
+    true = made.simulate(point, Terrain(), compute=F64)
+    assert true.measures["speed"] != plain.simulate(point, Terrain(), compute=F64).measures["speed"]
+    assert made.design(point).simulate((), Terrain(), compute=F64).measures["speed"] == true.measures["speed"]
+    check(made, point, ("speed", "energy"), Terrain(), 3.0, np.ones(len(made.parameters)))
