@@ -41,7 +41,7 @@ class ArticulatedKind(RobotKind):
         Option("heading", "direction in which distance counts, degrees from x (default: 0)", number(), "DEG"),
         Option("slowest", "lowest frequency of a rhythm, in Hz (default: 0.5)", number(1e-3), "HZ"),
         Option("quickest", "highest frequency of a rhythm, in Hz (default: 2)", number(1e-3), "HZ"),
-        Option("light", "place of a light that a network sees, in metres", numbers(3), "X,Y,Z"),
+        Option("light", "place of a light that a network or reflexes see, in metres", numbers(3), "X,Y,Z"),
         Option(
             "friction",
             "coefficient of friction; inf, without a limit, has gradients (default: the file's, or 1)",
@@ -75,7 +75,12 @@ class ArticulatedKind(RobotKind):
 
         if source is None:
             raise ValueError("robot: an articulated robot is made of a file; give it, such as ant.xml or arm.urdf")
-        return load_robot(source, **options)
+        robot = load_robot(source, **options)
+        if robot.light is not None and not robot.sees:  # policies of environments may, with robots that Python loads
+            place = ",".join(f"{each:g}" for each in robot.light)
+            why = "is not allowed, as nothing sees it; give reflexes with the sense light, or controller network"
+            raise ValueError(f"light: {place} {why}")
+        return robot
 
     @property
     def world_options(self) -> tuple[Option, ...]:

@@ -42,6 +42,7 @@ MEASURES = (
 USUAL_RATE = 50.0  # of commands [Hz]
 FORMER_SLIP = 0.01  # m/(N s), of earlier versions, whose records do not tell it
 READING = ("angles", "fixed", "speed", "fastest", "time_step")  # settings that say how the file is read
+OF_RHYTHMS = ("slowest", "quickest", "command_rate")  # settings of which a network has no use
 STEADY = 16  # commands of a cycle at least, with which coupled oscillators are stable
 
 
@@ -62,10 +63,10 @@ class ArticulatedRobot(Robot):
         controller: ``"rhythm"`` or ``"network"``; it decides which parameters are free.
         duration: of a trial [s].
         heading: direction in which distance counts, seen from above, anticlockwise from x [degrees].
-        slowest: lowest frequency of a rhythm [Hz].
+        slowest: lowest frequency of a rhythm [Hz], which a network has not.
         quickest: highest frequency of a rhythm [Hz].
         command_rate: how often commands of a rhythm change [Hz], at most once a time step; None: 50 Hz, or that.
-        light: place of a light [m], which a network sees from the base's centre; None for no light.
+        light: place of a light [m], seen from the base's centre by networks, reflexes and environments; None for none.
         friction: coefficient of friction; infinite: without a cone, which has gradients; None: that of the file, or 1.
         slip: speed of a point on the ground for each newton of friction [m/(N s)]; None: so little that robots of any
             weight hold, see ``taichi_sim.rigid.World``.
@@ -276,6 +277,11 @@ class ArticulatedRobot(Robot):
         return Outcome(measures, found.status, steps=found.steps, gradients=slopes, frames=frames, result=found)
 
     @property
+    def sees(self) -> bool:
+        """Whether a light that it has changes what it does by itself."""
+        return self.controller == "network" or (self.reflexes is not None and "light" in self.reflexes.senses)
+
+    @property
     def feels(self) -> bool:  # type: ignore[override]
         """Whether the robot has reflexes."""
         return self.reflexes is not None
@@ -363,15 +369,26 @@ def load_robot(path: str | PathLike[str], **settings: Any) -> ArticulatedRobot:
         **settings: fields of :class:`ArticulatedRobot`.
 
     Raises:
-        ValueError: for a file that cannot be read, is no such model, or starts deep in the ground; it names the file.
+        ValueError: for a file that cannot be read, is no such model, or starts deep in the ground, and for settings
+            that would have no effect; it names the file.
     """
     text = read_text(path)
     try:
+        _check_effect(settings)
         reading = {name: value for name, value in settings.items() if name in READING}
         check_start(read_model(text, **reading).tree)  # before anything is told of a robot that is refused
         return ArticulatedRobot(text, **{"name": Path(path).stem, **settings})
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _check_effect(settings: Mapping[str, Any]) -> None:
+    """Refuse settings of rhythms beside a network, where they do nothing; records may have them."""
+    usual = {each.name: each.default for each in fields(ArticulatedRobot) if each.name in OF_RHYTHMS}
+    for name, kept in usual.items() if settings.get("controller") == "network" else ():
+        if (value := settings.get(name, kept)) != kept:
+            out = "leave it out" if kept is None else f"leave it at {kept:g}"
+            raise ValueError(f"{name}: {value!r} is not allowed with a network, which has no rhythm; {out}")
 
 
 def _place(field_name: str, value: object) -> tuple[float, float, float]:

@@ -220,7 +220,9 @@ def test_a_design_is_one_file_without_the_model(tmp_path):
     path = tmp_path / "crawler.xml"
     path.write_text(CRAWLER)
     kind, source = find_robot(str(path))
-    robot = make_robot(kind, source, {"duration": 0.4, "friction": math.inf, "light": (3.0, 1.0, 0.2)})
+    robot = make_robot(
+        kind, source, {"duration": 0.4, "friction": math.inf, "controller": "network", "light": (3.0, 1.0, 0.2)}
+    )
     assert kind is KINDS["articulated"] and robot.name == "crawler"
     point = some_points(robot, 1)[0]
     robot.save(point, tmp_path / "design.json")

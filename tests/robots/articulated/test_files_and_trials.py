@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from articulated_files import CRAWLER
 
-from robots.articulated import ArticulatedRobot
+from robots.articulated import ArticulatedRobot, DriveReflexes, load_robot
 from robots.articulated.kind import ArticulatedKind
 from robots.articulated.rigid_motion import RigidMotion
+from robots.articulated.robot import robot_of_record
 from robots.uncertainty import Perturbation, Uncertainty
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
@@ -82,3 +84,38 @@ def test_friction_can_be_drawn_if_there_is_a_cone():
 def test_no_limit_of_friction_is_spelled_as_python_spells_it(text):
     (option,) = (each for each in ArticulatedKind.options if each.name == "friction")
     assert option.read(text) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        (
+            {"command_rate": 20.0},
+            "command_rate: 20.0 is not allowed with a network, which has no rhythm; leave it out",
+        ),
+        ({"slowest": 1.0}, "slowest: 1.0 is not allowed with a network, which has no rhythm; leave it at 0.5"),
+        ({"quickest": 0.4}, "quickest: 0.4 is not allowed with a network, which has no rhythm; leave it at 2"),
+    ],
+)
+def test_settings_of_rhythms_are_refused_beside_a_network(tmp_path, settings, told):
+    """But for records, which may be of runs that had them and go on."""
+    path, usual = tmp_path / "crawler.xml", {"slowest": 0.5, "quickest": 2.0, "command_rate": None}
+    path.write_text(CRAWLER)
+    robot = load_robot(path, controller="network", **usual)
+    with pytest.raises(ValueError, match=rf"crawler\.xml: {told}$"):
+        load_robot(path, controller="network", **settings)
+    if settings != {"quickest": 0.4}:  # which was never allowed
+        assert robot_of_record(robot.describe() | settings).describe() == robot.describe() | settings
+
+
+def test_a_light_that_nothing_sees_is_refused(tmp_path):
+    """Environments may have one with any rhythm, for their policies."""
+    path, light = tmp_path / "crawler.xml", (2.0, 0.0, 0.1)
+    path.write_text(CRAWLER)
+    build = ArticulatedKind().build
+    for settings in ({"controller": "network"}, {"reflexes": DriveReflexes(("light",))}):
+        assert build(str(path), {"light": light, **settings}).light == light
+    for settings in ({}, {"reflexes": DriveReflexes(("tilt",))}):
+        with pytest.raises(ValueError, match=r"^light: 2,0,0\.1 is not allowed, as nothing sees it; give reflexes"):
+            build(str(path), {"light": light, **settings})
+    assert ArticulatedRobot(CRAWLER, light=light).light == light
