@@ -32,6 +32,8 @@ from taichi_sim.rigid.tables import Senses
 
 _ENTRIES = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
 _HINGED = ("revolute", "continuous")
+_OF_JOINTS = {"origin", "parent", "child", "axis", "limit", "dynamics"}  # elements that are read, or told otherwise
+_OF_LINKS = {"inertial", "collision", "visual"}
 _COMPILER = "mujoco/compiler"  # MuJoCo's extension of URDF
 _ROUND = {"radius": 1, "length": 1}
 _SIZES = {"sphere": {"radius": 1}, "box": {"size": 3}, "cylinder": _ROUND, "capsule": _ROUND}  # numbers of attributes
@@ -227,4 +229,7 @@ def _ignored(root: Element, angles: dict[str, float]) -> tuple[str, ...]:
     ]
     if any(own):
         found.append("friction and damping of joints")
+    within = {child.tag for child in root.iterfind("joint/*")} - _OF_JOINTS
+    within |= {child.tag for child in root.iterfind("link/*")} - _OF_LINKS
+    found += [f"<{tag}>" for tag in sorted(within)]
     return tuple(found)

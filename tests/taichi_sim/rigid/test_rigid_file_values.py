@@ -244,3 +244,13 @@ def test_no_effort_is_no_drive():
     for limit in ('effort="0" velocity="4"', 'velocity="4"', 'lower="-1"'):
         model = parse_model(cart(limit))
         assert model.tree.hinges[0].motor is None and model.commands == ()
+
+
+def test_elements_of_joints_and_links_that_do_nothing_are_named():
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    inside = '<calibration rising="0.3"/><safety_controller k_velocity="1" soft_lower_limit="-0.2"/>'
+    text = f"""<robot name="arm"><link name="base">{inertial}</link><link name="arm">{inertial}<sensor/></link>
+      <joint name="axle" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+      <limit lower="-1" upper="1" effort="1" velocity="1"/><dynamics damping="0"/>{inside}</joint></robot>"""
+    assert parse_model(text).ignored == ("<calibration>", "<safety_controller>", "<sensor>")
+    assert parse_model(text.replace(inside, "").replace("<sensor/>", "")).ignored == ()
