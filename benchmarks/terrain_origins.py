@@ -21,7 +21,7 @@ GROUND, PLACED, EARTH = "#1f6f8b", "#b5531c", "#e9e4d8"
 def main() -> None:
     """Draw a robot of voxels on an array of heights, stairs that begin, and a box."""
     body = body_from_array([[[1] * CELLS[2]] * CELLS[1]] * CELLS[0], Material(1e5, 1e3), EDGE)
-    both = placed(body, PROP, np.array([1.0, 0.0, 0.0]), (1.0, 0.8))
+    both = placed(body, PROP, np.array([1.0, 0.0, 0.0]), {})
     figure = Figure(figsize=(7, 3.6), layout="constrained")
     axes = figure.add_subplot()
     corner = -FILE[0] / 2, -FILE[1] / 2

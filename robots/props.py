@@ -31,6 +31,7 @@ class Prop:
         y: of its middle, to the left of that [m].
         z: of its lower side above the ground on which the robot stands [m]; None stands on the ground below it.
         density: [kg/m^3].
+        rubbing: factor of its friction where the terrain gives none, of a draw; names do not tell it.
     """
 
     kind: str
@@ -39,6 +40,7 @@ class Prop:
     y: float
     z: float | None = None
     density: float = DENSITY
+    rubbing: float = 1.0
 
     def __post_init__(self) -> None:
         checks.choice("prop", self.kind, KINDS)

@@ -70,6 +70,8 @@ class Perturbation:
             return terrain
         own = {name: getattr(terrain, name) for name in ("high_friction", *MATERIAL_FRICTION)}
         rubbed: dict[str, Any] = {name: value * self.gripping for name, value in own.items() if value is not None}
+        if terrain.props:
+            rubbed["props"] = [dataclasses.replace(prop, rubbing=self.gripping) for prop in terrain.props]
         return dataclasses.replace(terrain, slope=self.tilted(terrain), **rubbed)
 
     def on(self, terrain: Terrain, own: Any) -> Terrain:

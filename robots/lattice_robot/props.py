@@ -3,7 +3,7 @@
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from robots.props import Prop
+from robots.world import MATERIAL_FRICTION
 from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.lattice import Felt, LatticeBody, Material, Quantity, Relief, time_steps
 from taichi_sim.lattice.laws.contact import SPHERE_RADIUS
@@ -119,14 +120,14 @@ class Placed:
                 )
 
 
-def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction: tuple[float, float]) -> Placed:
+def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction: Mapping[str, float]) -> Placed:
     """The lattice of a robot and props.
 
     Args:
         robot: its body.
         props: beside it.
         heading: its direction of travel, shape (3,).
-        friction: of the props, static and kinetic.
+        friction: that the terrain gives to all materials, by the names of their fields.
 
     Raises:
         ValueError: for bodies that overlap at the start, and props too light or too heavy to touch each other.
@@ -144,7 +145,7 @@ def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction:
         beyond = max(int(each[:, 0].max()) for each in voxels) + APART - int(cells[:, 0].min())
         voxels.append(cells + np.array([beyond, 0, 0]))
         indices.append(np.full(len(cells), len(materials)))
-        materials.append(_material(prop.density, friction))
+        materials.append(_material(prop.density, _friction(prop, friction)))
         regions.append(np.full(len(cells), max(int(each.max()) for each in regions) + 1))
         fixed.append(np.full((len(cells), 6), prop.held))
         starts.append(place + centred)
@@ -168,6 +169,13 @@ def _turned(cells: Ints, heading: Floats) -> Ints:
     A prop looks the same from behind, so half a turn changes nothing, and diagonal headings keep x and y.
     """
     return cells[:, [1, 0, 2]] if abs(heading[1]) > abs(heading[0]) + DIAGONAL else cells
+
+
+def _friction(prop: Prop, given: Mapping[str, float]) -> tuple[float, float]:
+    """Static and kinetic friction of a prop: its own, unless the terrain gives it."""
+    usual = zip(MATERIAL_FRICTION, FRICTION, strict=True)
+    static, kinetic = (given.get(name, prop.rubbing * value) for name, value in usual)
+    return static, kinetic
 
 
 def _material(density: float, friction: tuple[float, float] = FRICTION) -> Material:

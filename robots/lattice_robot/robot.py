@@ -21,7 +21,7 @@ from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.measures import OF_PROPS, checked_target, measures_among, measures_of
 from robots.lattice_robot.out_of_the_lab import OutOfTheLab
-from robots.lattice_robot.props import FRICTION, Placed, placed
+from robots.lattice_robot.props import Placed, placed
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robustness import perturbed_robot
 from robots.lattice_robot.rollout import Aim, ahead, footprint_of, turned
@@ -297,8 +297,7 @@ class LatticeRobot(OutOfTheLab):
         if light is not None and self.target is None:
             changed["target"] = light
         if terrain.props and self.placed is None:
-            pair = friction.get("static_friction", FRICTION[0]), friction.get("kinetic_friction", FRICTION[1])
-            among = placed(changed.get("body", self.body), terrain.props, self.direction, pair)
+            among = placed(changed.get("body", self.body), terrain.props, self.direction, friction)
             if terrain.uneven is not None and any(prop.z is not None for prop in terrain.props):
                 among.check_above(terrain.props, terrain.uneven.relief(self.heading, self.body.voxel_size))
             changed |= {"body": among.body, "placed": among, "reference_length": self.length}

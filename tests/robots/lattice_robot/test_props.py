@@ -15,6 +15,7 @@ from robots.lattice_robot.props import time_step_among
 from robots.lattice_robot.reflexes import Reflexes
 from robots.props import Prop
 from robots.robot import Compute
+from robots.uncertainty import Perturbation
 from robots.world import Terrain
 from taichi_sim.lattice import LatticeEngine, LatticeState, Material, ProgramBuilder, body_from_array
 
@@ -317,3 +318,18 @@ def test_walls_turn_with_the_heading_by_quarter_turns(heading):
     left = np.array([-robot.direction[1], robot.direction[0], 0.0])
     middle = starts.mean(axis=0) - robot.placed.robot.start_positions.mean(axis=0)
     assert (middle @ robot.direction, middle @ left) == pytest.approx((0.15, 0.02))
+
+
+@pytest.mark.parametrize("ground", [{}, {"static_friction": 0.5, "kinetic_friction": 0.4}])
+def test_their_friction_is_drawn_with_that_of_the_robot(ground):
+    """It stayed at 1.0 and 0.8, unless the terrain gave one, which is drawn for both."""
+    robot, terrain, drawn = (
+        soft_quadruped(),
+        Terrain(props=("box:0.02,0.02,0.02,0.08,0",), **ground),
+        Perturbation(0.7, 0.7),
+    )
+    usual, there = robot.on(terrain), robot.perturbed(drawn).on(robot.drawn_terrain(terrain, drawn))
+    assert len(there.body.materials) == len(robot.body.materials) + 1
+    for before, after in zip(usual.body.materials, there.body.materials, strict=True):
+        assert after.static_friction == pytest.approx(0.7 * before.static_friction)
+        assert after.kinetic_friction == pytest.approx(0.7 * before.kinetic_friction)
