@@ -20,7 +20,7 @@ UNKNOWN = "friction=20%,slope=1"
 
 def problem(**settings):
     given = {"columns": 3, "encoding": "graded", "geometry": "small", "steps": 60_000, "draws": 5}
-    return GaitProblem((HILL,), **{**given, "uncertain": UNKNOWN, **settings})
+    return GaitProblem(**{"terrains": (HILL,), **given, "uncertain": UNKNOWN, **settings})
 
 
 @pytest.fixture
@@ -40,6 +40,25 @@ def test_all_gaits_share_the_draws_in_one_batch(linear):
     drawn = Uncertainty.parse(UNKNOWN).draw(5)
     assert call.terrain[:5] == [one.on(HILL, made.actuation) for one in drawn]
     assert np.array_equal(made.evaluate(points[1:]).objectives, together.objectives[1:])
+
+
+@pytest.mark.parametrize("risk", ["cvar:0.5", "worst"])
+def test_several_terrains_have_a_risk_each(linear, monkeypatch, risk):
+    """The score is the mean of these; other robots have one risk, of the means over terrains."""
+
+    def steep(designs, terrains, **options):
+        found = linear.differentiate(designs, terrains, **options).result
+        found.stages = found.stages - [[abs(each.slope)] for each in terrains]  # as bad uphill as downhill
+        return found
+
+    monkeypatch.setattr("robots.inflatable.simulation.simulate", steep)
+    terrains = HILL, dataclasses.replace(HILL, slope=-9.0)
+    points = problem().space.sample(np.random.default_rng(0), 3)
+    both = problem(risk=risk, terrains=terrains).evaluate(points).objectives
+    alone = [problem(risk=risk, terrains=(each,)).evaluate(points).objectives for each in terrains]
+    usual = problem(risk="mean", terrains=terrains).evaluate(points).objectives
+    assert both == pytest.approx(np.mean(alone, axis=0), rel=1e-12) and not np.allclose(*alone)
+    assert (both < usual).all()
 
 
 @pytest.mark.long
