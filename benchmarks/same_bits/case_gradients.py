@@ -25,7 +25,7 @@ def evaluation(found, prefix: str = "") -> Arrays:
 def lattice(batch: int, poisson: bool = False, pouch: bool = False, memory: float = 1e9, **options) -> Arrays:
     """The small body in trouble, backwards: derivatives by everything of a random cost."""
     scene = places.scene("gradient_scene")
-    body = scene.body(poisson=poisson, pouch=pouch)
+    body = places.as_published(scene.body(poisson=poisson, pouch=pouch))
     floor = not options.get("fluid")
     engine = places.lattice_engine(body, batch, time_step=scene.TIME_STEP, floor=floor, threads=1, **options)
     places.set_state(engine, scene.repeated(scene.start(body), batch))
@@ -135,7 +135,7 @@ def inchworm():
         Drive("back", (0,), "friction", mean=0.8, amplitude=Free(0.0, 0.7), phase=Free(0.0, 1.0, start=0.25)),
         Drive("front", (2,), "friction", mean=0.8, amplitude=Free(0.0, 0.7), phase=Free(0.0, 1.0, start=0.75)),
     )
-    lattice = body_from_array(body, (rubber, foam), voxel_size=0.01, regions=regions)
+    lattice = places.as_published(body_from_array(body, (rubber, foam), voxel_size=0.01, regions=regions))
     return LatticeRobot(body=lattice, drives=drives, moduli={"foam": Free(3e4, 2e5)}, frequency=8.0, cycles=1)
 
 

@@ -19,7 +19,8 @@ def reference_case(name: str, precision: str = "f64", whole: bool = False) -> Ar
     from taichi_sim.lattice import LatticeEngine
 
     given = places.scene("lattice_reference").load_case(name)
-    engine = LatticeEngine(given.body, time_step=given.time_step, precision=precision, threads=1, **given.options)
+    body = places.as_published(given.body)
+    engine = LatticeEngine(body, time_step=given.time_step, precision=precision, threads=1, **given.options)
     builder = places.ProgramBuilder(1)
     given.fill(builder)
     steps = given.steps if whole else STEPS
@@ -38,7 +39,7 @@ case("lattice/floor_slip-f32", "floor_slip", "f32")(reference_case)
 def in_trouble(poisson: bool, pouch: bool, robots: int, **options: object) -> Arrays:
     """A folded sheet that slides, is pressed, heated and held; see tests/gradient_scene.py of version 1.0."""
     scene = places.scene("gradient_scene")
-    body = scene.body(poisson=poisson, pouch=pouch)
+    body = places.as_published(scene.body(poisson=poisson, pouch=pouch))
     given = {"threads": 1, "floor": not options.get("fluid"), "gravity": 9.81, **options}
     engine = places.lattice_engine(body, batch=robots, time_step=scene.TIME_STEP, **given)
     places.set_state(engine, scene.repeated(scene.start(body), robots))
@@ -83,7 +84,7 @@ def diverging() -> Arrays:
     from taichi_sim.lattice import LatticeEngine
 
     scene = places.scene("gradient_scene")
-    body = scene.body()
+    body = places.as_published(scene.body())
     soft = replace(body, materials=tuple(replace(m, youngs_modulus=0.7 * m.youngs_modulus) for m in body.materials))
     engine = LatticeEngine([body, soft, body], time_step=scene.TIME_STEP, floor=True, threads=1)
     builder = places.ProgramBuilder(3)

@@ -7,6 +7,7 @@ renamed or its arguments change, write a function of the old name and arguments 
 Editing this file does not make the reference run again: what it finds in version 1.0 must stay the same.
 """
 
+import dataclasses
 import importlib
 import inspect
 import sys
@@ -103,6 +104,11 @@ def strangers(tree: Path) -> list[str]:
         if name.split(".")[0] in PACKAGES and file and not Path(file).resolve().is_relative_to(tree):
             found.append(f"{name} ({file})")
     return found
+
+
+def as_published(body: Any) -> Any:
+    """The body with links as version 1.0 has them all, which damps either end as its own material says."""
+    return dataclasses.replace(body, links="published") if hasattr(body, "links") else body
 
 
 def scene(name: str) -> ModuleType:
