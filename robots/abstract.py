@@ -71,6 +71,7 @@ class Robot(Abilities, ShortText):
     ] = {}  # what trials tell of kinds of designs, with its lowest and highest
     feels = False  # whether it has senses, whose readings :meth:`felt_over_time` gives
     horizons: tuple[int, ...] = ()  # lengths of trials that ``gradient-check`` looks at by default; see ``at_horizon``
+    changeable: tuple[str, ...] = ()  # options of its kind that :meth:`changed` takes
 
     @property
     def name(self) -> str:
@@ -310,9 +311,9 @@ class Robot(Abilities, ShortText):
         Raises:
             ValueError: if a design settles what an option would change.
         """
-        told = hasattr(self, OWN_MEASURES_FIELD)  # which change nothing of what it does
+        told = (OWN_MEASURES_FIELD,) if hasattr(self, OWN_MEASURES_FIELD) else ()  # changes nothing of what it does
         for name in options:
-            if name != OWN_MEASURES_FIELD or not told:
+            if name not in (*told, *self.changeable):
                 raise ValueError(f"{name}: {self.name} has its own; leave it out")
         return dataclasses.replace(self, **options) if options else self  # type: ignore[type-var]
 

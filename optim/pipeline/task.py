@@ -112,8 +112,8 @@ class PipelineTask:
                 raise ValueError(f"gaits: {name} has {kilopascals(design.pressure)}, which no table says; give one")
             if refusal := self.refusal(design):
                 raise ValueError(f"gaits: {name}: {refusal}")
-        if len(self.terrains) > 1:
-            self._check_legs()
+        if len(self.terrains) > 1 and (len(self.gaits) > 1 or self.search is not None):
+            self._check_legs()  # a lone gait goes on from a terrain to the next without a change of shape
 
     def _check_legs(self) -> None:
         for terrain in self.terrains:

@@ -115,6 +115,7 @@ class FreeformRobot(Robot):
     uncertain_in = ("friction", "slope", "levels", "timing")
     worlds = (Terrain(),)
     horizons = (1, 2, 4)
+    changeable = ("links",)
 
     def __post_init__(self) -> None:
         choice("fields", self.fields, PARAMETRISATIONS)
@@ -197,8 +198,7 @@ class FreeformRobot(Robot):
         materials = self.palette.materials
         heated = max(1 + m.thermal_expansion * m.temperature for m in materials)
         amplitude = self.actuation.amplitude
-        if self.gains:
-            amplitude = float(self.gains.reached(amplitude))
+        amplitude = float(self.gains.reached(amplitude)) if self.gains else amplitude
         driven = 1 + amplitude * math.hypot(1.0, RESOLUTION)
         return max(driven, *(max(m.scale) for m in materials)) * max(heated, 1.0)
 
@@ -208,8 +208,8 @@ class FreeformRobot(Robot):
         Raises:
             ValueError: for props too light or too heavy for their contact with the tissues.
         """
-        balanced = terrain.is_wet or self.links == BALANCED
-        stable, share = self._stable_step, afloat(self.largest_size) if balanced else 1.0
+        stable, balanced = self._stable_step, terrain.is_wet or self.links == BALANCED
+        share = afloat(self.largest_size) if balanced else 1.0
         if terrain.props:
             stable = min(stable, time_step_among(self.palette.materials, terrain.props, self.grid.voxel_size))
         return self._cycle(stable / share)
@@ -363,6 +363,7 @@ class FreeformRobot(Robot):
         return [
             ("Robot", f"{self.name}: {sides} cells of {1000 * self.grid.voxel_size:g} mm"),
             ("Tissues", ", ".join(names)),
+            *([("Links", self.links)] if self.links != USUAL_LINKS else []),
             ("Fields", f"{self.fields}, {counted(len(self.parameters), 'variable')}"),
             ("Muscles", f"{each}, up to {drive.amplitude:g} of an edge"),
             ("Cycle", f"{drive.frequency:g} Hz; the speed is that of {counted(drive.cycles, 'cycle')}"),

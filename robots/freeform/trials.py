@@ -86,7 +86,7 @@ def try_variants(
     groups = grouped(
         (
             r.actuation.frequency,
-            r.largest_size if terrain.is_wet else None,
+            r.cycle_on(terrain).time_step,
             terrain.light is None,
             batch_key(terrain, r.palette.materials),
         )

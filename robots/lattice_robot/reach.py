@@ -33,16 +33,19 @@ def usual_range(robot: "LatticeRobot") -> tuple[float, float]:
 def size_range(robot: "LatticeRobot") -> tuple[float, float]:
     """Smallest and largest rest size of a robot's voxels [edges] with the largest gains that its drives may be drawn.
 
-    Sizes that are given are those of a search without gains, which move them away from an edge.
+    Sizes that are given are those of a search without gains, which move them away from the means of drives.
     """
-    gains = [drive.gains for drive in robot.drives if drive.gains]
-    if not gains:
+    drawn = [drive for drive in robot.drives if drive.gains]
+    if not drawn:
         return usual_range(robot)
     least, most = _reached(robot, True)
+    gains = [drive.gains for drive in drawn if drive.gains]
+    ends = [_means(robot, drive) if drive.quantity == "scale" else (np.ones(1), np.ones(1)) for drive in drawn]
+    low, high = min(float(lows.min()) for lows, _ in ends), max(float(highs.max()) for _, highs in ends)
     if robot.lowest_size is not None:
-        least = min(least, 1 - max(float(each.reached(1 - robot.lowest_size)) for each in gains))
+        least = min(least, low - max(float(each.reached(low - robot.lowest_size)) for each in gains))
     if robot.highest_size is not None:
-        most = max(most, 1 + max(float(each.reached(robot.highest_size - 1)) for each in gains))
+        most = max(most, high + max(float(each.reached(robot.highest_size - high)) for each in gains))
     return max(least, SMALLEST), most
 
 
@@ -88,14 +91,9 @@ def _range(robot: "LatticeRobot", drive: Drive, drawn: bool) -> tuple[Floats, Fl
 
     With its gains, if ``drawn``.
     """
-    count, share = len(drive.regions), max(map(abs, drive.shares))
-    if drive.mean is None:
-        rest = robot.rest_of(drive)
-        low, high = rest.min(axis=0), rest.max(axis=0)
-    else:
-        low, high = _ends(drive.mean, count)
+    share, (low, high) = max(map(abs, drive.shares)), _means(robot, drive)
     knots = max((abs(bound) for knot in drive.knots for bound in _bounds(knot)), default=1.0)
-    amplitudes = _each(drive.amplitude, count)
+    amplitudes = _each(drive.amplitude, len(drive.regions))
     swing = np.array([max(map(abs, _bounds(value))) for value in amplitudes]) * knots
     if drawn and drive.gains:
         swing = drive.gains.reached(swing)
@@ -108,6 +106,14 @@ def _range(robot: "LatticeRobot", drive: Drive, drawn: bool) -> tuple[Floats, Fl
     more = swing * (1 + robot.reflexes.gain)
     # The bound of harmonics is wide: what shrinks hardly comes near it, and would take steps many times as short.
     return low - more, high + more * (HARMONICS if drive.knots else 1.0)
+
+
+def _means(robot: "LatticeRobot", drive: Drive) -> tuple[Floats, Floats]:
+    """The lowest and the highest that the mean of a drive may be in each of its regions, shape (G,) each."""
+    if drive.mean is None:
+        rest = robot.rest_of(drive)
+        return rest.min(axis=0), rest.max(axis=0)
+    return _ends(drive.mean, len(drive.regions))
 
 
 def _ends(values: Values, count: int) -> tuple[Floats, Floats]:

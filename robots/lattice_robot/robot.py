@@ -37,6 +37,7 @@ from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_record
 from taichi_sim.base.short_text import counted
 from taichi_sim.lattice import LatticeBody, Material
+from taichi_sim.lattice.body import USUAL_LINKS
 from taichi_sim.lattice.materials import channel_values
 
 if TYPE_CHECKING:
@@ -388,6 +389,7 @@ class LatticeRobot(OutOfTheLab):
         voxels = f"{self.body.voxel_count} voxels of {1000 * self.body.voxel_size:g} mm"
         return [
             ("Robot", f"{self.name}: {voxels}"),
+            *([("Links", self.body.links)] if self.body.links != USUAL_LINKS else []),
             ("Driven", ", ".join(f"{drive.name} ({drive.quantity})" for drive in self.drives)),
             *([("Reflexes", self.reflexes.spoken)] if self.reflexes else []),
             ("Cycle", f"{self.frequency:g} Hz; the speed is that of {counted(self.cycles, 'cycle')}"),

@@ -112,8 +112,8 @@ class LatticeEngine:
         Args:
             body: one body for all robots, or one per robot; they may differ in the values of their materials only.
             batch: number of robots B.
-            time_step: dt [s]; by default the least ``stable_time_step`` of the bodies, in water for the sizes that
-                their materials have: give a shorter one to programs that let voxels swell there.
+            time_step: dt [s]; by default the least ``stable_time_step`` of the bodies, in water or with balanced links
+                for the sizes that their materials have: give a shorter one to programs that let voxels swell then.
             substeps: into how many parts each time step is divided, where programs are written in steps that are too
                 long to be stable. Programs and results count whole time steps; decisions of a feedback need 1.
             floor: whether there is a floor at z = -h/2; or what rises over it, for all robots or one each.

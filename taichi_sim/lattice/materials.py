@@ -25,7 +25,7 @@ class Material:
         kinetic_friction: Coulomb coefficient mu_k against the floor.
         internal_damping: zeta_i, damping zeta_i sqrt(m E_l h) of a link of stiffness E_l h. A voxel whose neighbour
             is held has zeta_i / 2 of critical damping, two free ones zeta_i / sqrt(2). More than 1 takes shorter time
-            steps. Two materials have the mean zeta_i, and m = 2 m1 m2 / (m1 + m2); see also ``LatticeEngine``.
+            steps. Two materials have the mean zeta_i, and m = 2 m1 m2 / (m1 + m2); see ``LatticeBody.links``.
         global_damping: zeta_g, damping 2 zeta_g sqrt(m E h) against the world; critical at 1 on a spring E h.
         collision_damping: zeta_c, damping 2 zeta_c sqrt(m E h) of contact, whose stiffness is 2 E h: two free voxels
             have zeta_c of critical damping, one on the floor zeta_c / sqrt(2). Two materials have the mean damping.

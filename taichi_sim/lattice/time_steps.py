@@ -19,21 +19,22 @@ _TURNING = math.sqrt(6) / 2  # of 2 sqrt(I a1) h / I over 4 sqrt(a1 / m), with t
 _PIT = 4 * (1 - 0.5 / (2 * contact.SPHERE_RADIUS) ** 2)
 
 
-def link_step(minus: Material, plus: Material, edge: float) -> float:
+def link_step(minus: Material, plus: Material, edge: float, own: bool = False) -> float:
     """Largest stable time step of a link between two voxels of edge h in a block of them [s].
 
     With w = sqrt(a1 / m), a link's stiffness over the mass of an end, a mode of the lattice has k = L w^2 and, as that
     end is damped by zeta sqrt(a1 m) at most, c = L zeta w: it is stable for w dt <= sqrt(zeta^2 + 4 / L) - zeta. Up to
     zeta = 1 the step is the published 1 / (2 pi w); beyond, that for the same L. Damping against the world, of ratio
     zeta_0, adds 2 sqrt(6) zeta_0 w to c where voxels turn; up to a ratio of 1 safety factors allow for it. Zeta is the
-    larger of the end's own, as published, and of that of both (``materials.beam_row``).
+    damping of both materials relative to an end's mass, or the end's ``own`` (``materials.beam_row``).
     """
     stiffness = axial_stiffness_modulus(minus, plus) * edge
     found = math.inf
     mean = 0.5 * (minus.internal_damping + plus.internal_damping)
     for end, other in ((minus, plus), (plus, minus)):
         step = 1 / (2 * math.pi * math.sqrt(stiffness / voxel_mass(end, edge)))
-        zeta = max(end.internal_damping, mean * math.sqrt(2 * other.density / (end.density + other.density)))
+        shared = mean * math.sqrt(2 * other.density / (end.density + other.density))
+        zeta = end.internal_damping if own else shared
         if end.global_damping > 1:
             zeta = max(zeta, 1.0) + end.global_damping * _TURNING * _QUARTER
         if zeta > 1:

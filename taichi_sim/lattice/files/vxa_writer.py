@@ -65,6 +65,8 @@ def _check(file: VoxelFile) -> None:
     used = [body.materials[n] for n in np.unique(body.material_index).tolist()]
     if len(body.cut_links):
         raise ValueError(f"cut_links: {len(body.cut_links)} are not allowed in a .vxa; leave them out")
+    if body.is_balanced:
+        raise ValueError("links: balanced is not allowed in a .vxa, whose readers know none; give a .vxl.json")
     if any(np.any(load) for load in (file.force, file.moment, file.displacement)):
         raise ValueError("loads: forces and displacements are not allowed in a .vxa; give a .vxl.json")
     held = np.asarray(body.fixed, bool)

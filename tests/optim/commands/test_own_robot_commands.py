@@ -121,6 +121,14 @@ def test_a_run_keeps_the_law_of_links_with_which_it_was_begun(morpholab, tmp_pat
     for options in ("alike/best.json", "alike/best.json --links balanced", "balanced/best.json"):
         found.append(json.loads(morpholab(f"simulate --robot {options} {QUICK} --json")[1])["speed"])
     assert [found[0], found[2]] == list(best.values()) and found[0] != found[1]
+    (tmp_path / "grid.py").write_text(
+        "from robots.freeform import *\nrobot = FreeformRobot(Grid((3, 2, 2)), full=True)\n"
+    )
+    more = "--climbers 2 --generations 0 --links balanced --out grid"
+    assert morpholab(f"codesign --robot grid.py {more} {QUICK}")[0] == 0
+    assert "balanced" in (tmp_path / "grid" / "best.json").read_text()
+    code, _, error = morpholab(f"export balanced --voxels b.vxa {QUICK}".replace("--threads 1 --quiet", ""))
+    assert code == 2 and "links: balanced is not allowed in a .vxa" in error
     code, _, error = morpholab(f"simulate --robot my_robot.py --links tight {QUICK}")
     assert code == 2 and "argument --links: invalid choice: 'tight'" in error
 

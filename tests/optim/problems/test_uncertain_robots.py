@@ -183,13 +183,13 @@ def test_friction_that_is_driven_cannot_be_drawn():
         Uncertainty(friction=0.1).check(driven, HILL)
 
 
-def shrinking(amplitude=0.5, **settings) -> LatticeRobot:
+def shrinking(amplitude=0.5, mean=None, **settings) -> LatticeRobot:
     """A bar of muscles of their own phases that shrink by half an edge, or by what is free."""
     places = np.array(list(np.ndindex(4, 2, 2)))
     rubber = dataclasses.replace(SOFT, youngs_modulus=1e5)
     body = LatticeBody(places, (rubber,), np.zeros(16, int), 0.01, np.arange(16))
     phases = tuple((0.75 + np.linspace(0, 0.1, 16)).tolist())
-    drives = (Drive("muscles", tuple(range(16)), amplitude=amplitude, phase=phases),)
+    drives = (Drive("muscles", tuple(range(16)), mean=mean, amplitude=amplitude, phase=phases),)
     return LatticeRobot(body, drives, frequency=8.0, cycles=1, settling=0.02, **settings)
 
 
@@ -222,6 +222,13 @@ def test_time_steps_are_for_the_sizes_that_may_be_drawn():
     curve = dataclasses.replace(shrinking(1.0, largest_amplitude=0.5).drives[0], knots=(0.0, 0.2, 0.0, -0.4))
     moved = drawn(dataclasses.replace(shrinking(largest_amplitude=0.5), drives=(curve,)), 1.9)
     assert moved.size_range[1] == 1.5 and np.abs(moved.nodes(np.zeros((1, 0)))[0] - 1).max() <= 0.5
+
+
+@pytest.mark.parametrize(("mean", "terrain"), [(0.6, Terrain()), (1.4, Terrain()), (1.4, Terrain.water())])
+def test_a_design_has_the_time_step_of_its_search_around_any_mean(mean, terrain):
+    search, draw = shrinking(Free(0.0, 0.3), mean), Perturbation(levels=(1.6,) * 16)
+    steps = {made.perturbed(draw).on(terrain).cycle.time_step for made in (search, search.design([0.1]))}
+    assert steps == {shrinking(0.48, mean).on(terrain).cycle.time_step}
 
 
 def test_draws_share_time_steps_and_batches():

@@ -119,13 +119,14 @@ def test_all_draws_have_the_time_step_of_the_widest():
 
 
 @pytest.mark.kernels
-def test_draws_with_other_time_steps_share_no_batch():
-    made = robot(0.25)
+@pytest.mark.parametrize(("terrain", "links"), [(WATER, "alike"), (Terrain(), "balanced")])
+def test_draws_with_other_time_steps_share_no_batch(terrain, links):
+    made = replace(robot(0.25), links=links)
     variants = [made.perturbed(drawn(level)) for level in (0.8, 1.8)]
-    found = try_variants(variants, made.start[None], [WATER, WATER], Trial(WATER))
+    found = try_variants(variants, made.start[None], [terrain] * 2, Trial(terrain))
     assert found[0].time_step > found[1].time_step
     for variant, together in zip(variants, found, strict=True):
-        alone = variant.run(made.start[None], Trial(WATER))
+        alone = variant.run(made.start[None], Trial(terrain))
         assert np.array_equal(alone.measures["energy"], together.measures["energy"])
 
 

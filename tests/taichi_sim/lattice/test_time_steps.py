@@ -39,7 +39,21 @@ def test_more_damping_takes_shorter_steps(zeta):
     usual = 1 / (2 * np.pi)
     step = block(material, 2, 1, 1).recommended_time_step * usual / block(RUBBER, 2, 1, 1).recommended_time_step
     assert step * step + 2 * zeta * step == pytest.approx(usual * usual + 2 * usual, rel=1e-9)
-    assert link_step(RUBBER, material, EDGE) == link_step(material, material, EDGE) < link_step(RUBBER, RUBBER, EDGE)
+    both = link_step(material, material, EDGE)
+    assert link_step(RUBBER, material, EDGE, own=True) == both < link_step(RUBBER, material, EDGE)
+    assert link_step(RUBBER, material, EDGE) < link_step(RUBBER, RUBBER, EDGE)
+
+
+def test_a_light_end_beside_a_heavy_one_takes_shorter_steps():
+    """Its damping is up to the square root of 2 times what it has beside its like, but not as published."""
+    light = dataclasses.replace(RUBBER, density=10.0)
+    alone, beside = link_step(light, light, EDGE), link_step(light, RUBBER, EDGE)
+    ratio, usual = np.sqrt(2 * 1000 / 1010), 1 / (2 * np.pi)
+    step = beside * usual / alone
+    assert step * step + 2 * ratio * step == pytest.approx(usual * usual + 2 * usual, rel=1e-9)
+    assert link_step(light, RUBBER, EDGE, own=True) == alone
+    body = LatticeBody([(0, 0, 0), (1, 0, 0)], (light, RUBBER), [0, 1], EDGE)
+    assert body.recommended_time_step <= beside
 
 
 def test_a_contact_bounces_no_faster_than_it_came():
