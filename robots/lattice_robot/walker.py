@@ -29,6 +29,7 @@ from taichi_sim.base.checks import known_names, number, shown, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.base.files import read_record, write_record
 from taichi_sim.lattice import LatticeBody, Material
+from taichi_sim.lattice.body import USUAL_LINKS
 
 EMPTY, PASSIVE, ACTIVE, ANTIPHASE = range(4)
 KINDS = ("empty", "passive", "active", "antiphase")
@@ -121,11 +122,13 @@ class WalkerTissue:
         material: of the lattice.
         voxel_size: h [m].
         time_step_safety: the largest stable time step is divided by this.
+        links: law of the links between voxels, see ``LatticeBody``.
     """
 
     material: Material = SILICONE
     voxel_size: float = 0.02
     time_step_safety: float = 1.3
+    links: str = USUAL_LINKS
 
 
 @dataclass(frozen=True)
@@ -281,7 +284,8 @@ def _batch(
 def _robot(
     places: Ints, regions: NDArray[Any], drives: Sequence[Drive], tissue: WalkerTissue, actuation: WalkerActuation
 ) -> LatticeRobot:
-    body = LatticeBody(places, (tissue.material,), np.zeros(len(places), int), tissue.voxel_size, regions)
+    of = np.zeros(len(places), int)
+    body = LatticeBody(places, (tissue.material,), of, tissue.voxel_size, regions, links=tissue.links)
     return LatticeRobot(
         body,
         tuple(drives),

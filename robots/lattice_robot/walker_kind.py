@@ -7,6 +7,7 @@ from typing import Any
 from robots.kind import choices
 from robots.lattice_robot.formats import WALKER_FORMAT
 from robots.lattice_robot.ground import LatticeGroundKind
+from robots.lattice_robot.kind import LINKS_OPTION
 from robots.robot import Option, Robot
 from taichi_sim.base.checks import built, known_names, whole_number
 from taichi_sim.base.options import checked, number, whole
@@ -36,6 +37,7 @@ class WalkerKind(LatticeGroundKind):
         Option("frequency", "of the actuation (default: 4)", number(0.1, 100, "Hz"), "HZ"),
         Option("cycles", "that count (default: 6)", whole(1), "N"),
         Option("settling", "before anything moves, in seconds (default: 0.25)", number(0), "S"),
+        LINKS_OPTION,
     )
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
@@ -44,14 +46,16 @@ class WalkerKind(LatticeGroundKind):
         from robots.lattice_robot.walker_robot import WalkerRobot
 
         drive = {name: options[name] for name in ("amplitude", "frequency", "cycles", "settling") if name in options}
+        links = {name: options[name] for name in ("links",) if name in options}
         if source is None:
             body = {name: options[name] for name in ("shape", "encoding") if name in options}
-            return WalkerRobot(actuation=WalkerActuation(**drive), **body)
+            return WalkerRobot(actuation=WalkerActuation(**drive), **body, **links)
         for name in ("shape", "encoding"):
             if name in options:
                 raise ValueError(f"{name}: the walker in {source} has its own; leave it out")
         walker = load_walker(source)
-        return WalkerRobot(walker.materials.shape, ENCODINGS[0], WalkerActuation(**drive), walker, Path(source).stem)
+        own = walker.materials.shape, ENCODINGS[0], WalkerActuation(**drive), walker, Path(source).stem
+        return WalkerRobot(*own, **links)
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Designs of ``save_walker``."""
@@ -62,6 +66,7 @@ class WalkerKind(LatticeGroundKind):
         from robots.lattice_robot.walker import WalkerActuation
         from robots.lattice_robot.walker_robot import WalkerRobot
 
-        known_names(description, "shape", "encoding", "actuation")
-        actuation = built(WalkerActuation, description["actuation"])
-        return WalkerRobot(tuple(description["shape"]), description["encoding"], actuation)
+        known_names(description, "shape", "encoding", "actuation", "links")
+        shape, actuation = tuple(description["shape"]), built(WalkerActuation, description["actuation"])
+        links = {name: description[name] for name in ("links",) if name in description}
+        return WalkerRobot(shape, description["encoding"], actuation, **links)

@@ -17,9 +17,10 @@ from robots.outcome import recorded
 from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Picture, Replay, Robot, Trial, World
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import whole_number
+from taichi_sim.base.checks import choice, whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.short_text import counted
+from taichi_sim.lattice.body import LINK_LAWS, USUAL_LINKS
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion
@@ -37,6 +38,7 @@ class WalkerRobot(Robot):
         actuation: of active voxels, and how long.
         body: the one body, or None if it is free.
         name: what people call it.
+        links: law of the links between voxels, see ``LatticeBody``.
     """
 
     shape: tuple[int, ...] = (4, 4, 3)
@@ -44,6 +46,7 @@ class WalkerRobot(Robot):
     actuation: WalkerActuation = field(default_factory=WalkerActuation)
     body: WalkerDesign | None = None
     name: str = "soft walker"
+    links: str = USUAL_LINKS
 
     kind = "walker"
     measures = (
@@ -58,11 +61,16 @@ class WalkerRobot(Robot):
         if len(shape) != 3:
             raise ValueError(f"shape: {shape} is not allowed; give (X, Y, Z)")
         object.__setattr__(self, "shape", tuple(whole_number("shape", side, 1) for side in shape))
+        choice("links", self.links, LINK_LAWS)
         _ = self._encoding
 
     @cached_property
     def _encoding(self) -> WalkerEncoding:
         return encoding_of(self.encoding, self.shape)
+
+    @property
+    def _tissue(self) -> WalkerTissue:
+        return WalkerTissue(links=self.links)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
@@ -72,7 +80,7 @@ class WalkerRobot(Robot):
     @property
     def footprint(self) -> tuple[float, float]:
         """Rear and front of its lattice along the heading [m], whose first voxels are about the origin."""
-        edge = WalkerTissue().voxel_size
+        edge = self._tissue.voxel_size
         return -edge / 2, (self.shape[0] - 0.5) * edge
 
     @property
@@ -115,21 +123,20 @@ class WalkerRobot(Robot):
                 recorded(found.frames[0]),
                 found,
             )
-            for found in walker.simulate_in(designs, worlds, trial, actuation=self.actuation)
+            for found in walker.simulate_in(designs, worlds, trial, self._tissue, self.actuation)
         ]
 
     @property
     def steps(self) -> int:
         """Time steps of the actuation."""
-        cycle = walker.walker_cycle(self.actuation)
+        cycle = walker.walker_cycle(self.actuation, self._tissue)
         return cycle.end - cycle.begin
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the body."""
         from robots.lattice_robot.motion import lattice_robot_motion
 
-        robot = walker.walker_robot(self.bodies(())[0], actuation=self.actuation)
-        return lattice_robot_motion(outcome.result, robot, terrain_of(world), name=name)
+        return lattice_robot_motion(outcome.result, self._as_lattice_robot, terrain_of(world), name=name)
 
     def save_parts(self, path: Path, mould: str | None = None) -> list[str]:
         """Write surfaces of the body for printers, or a mould, as a lattice robot does."""
@@ -141,20 +148,22 @@ class WalkerRobot(Robot):
 
     @property
     def _as_lattice_robot(self) -> LatticeRobot:
-        return walker.walker_robot(self.bodies(())[0], actuation=self.actuation)
+        return walker.walker_robot(self.bodies(())[0], self._tissue, self.actuation)
 
     def command_options(self) -> dict[str, Any]:
-        """The actuation, which files of bodies do not hold."""
-        usual = asdict(WalkerActuation())
-        return {name: value for name, value in asdict(self.actuation).items() if value != usual[name]}
+        """The actuation and the links, which files of bodies do not hold."""
+        usual = asdict(WalkerActuation()) | {"links": USUAL_LINKS}
+        own = asdict(self.actuation) | {"links": self.links}
+        return {name: value for name, value in own.items() if value != usual[name]}
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the body of a point, for ``load_walker``."""
         walker.save_walker(self.bodies(point)[0], path)
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on, as JSON values: lattice, encoding and actuation."""
-        return {"shape": list(self.shape), "encoding": self.encoding, "actuation": asdict(self.actuation)}
+        """All that results depend on, as JSON values: lattice, encoding, actuation, and links if unusual."""
+        found = {"shape": list(self.shape), "encoding": self.encoding, "actuation": asdict(self.actuation)}
+        return found if self.links == USUAL_LINKS else {**found, "links": self.links}
 
     def facts(self) -> Facts:
         """Lattice, encoding and actuation."""
@@ -162,6 +171,7 @@ class WalkerRobot(Robot):
         return [
             ("Robot", f"soft voxel walker in a lattice of {' x '.join(map(str, self.shape))} voxels"),
             ("Encoding", self.encoding),
+            *([("Links", self.links)] if self.links != USUAL_LINKS else []),
             (
                 "Actuation",
                 f"{100 * drive.amplitude:g} % of the edges at {drive.frequency:g} Hz, {cycles}",

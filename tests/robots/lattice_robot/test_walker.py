@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robots.kind import KINDS
 from robots.lattice_robot.walker import (
     ACTIVE,
     ANTIPHASE,
@@ -216,3 +217,17 @@ def test_a_walker_that_nothing_has_designed_is_a_block_that_moves():
 def test_whole_numbers_that_are_given_as_fractions_are_rounded():
     body = DirectBody((2, 1, 1))
     np.testing.assert_array_equal(body.design(np.array([1.9, 2.2])).materials.reshape(-1), [2, 2])
+
+
+@pytest.mark.kernels
+def test_bodies_are_searched_and_kept_with_the_links_that_are_chosen():
+    """So are their parts that leave the lab, and what a command needs to repeat a saved body."""
+    usual, made = (WalkerRobot((3, 3, 2), actuation=QUICK, links=law) for law in ("alike", "balanced"))
+    point = np.array([[2.0 + place % 2 for place in range(18)]])
+    assert made.run(point, Trial(Terrain())).measures["speed"] != usual.run(point, Trial(Terrain())).measures["speed"]
+    assert made.steps > usual.steps and "links" not in {**usual.describe(), **usual.command_options()}
+    assert KINDS["walker"].from_description(made.describe()).links == made.command_options()["links"] == "balanced"
+    kept = made.design(point[0])
+    assert kept.run(np.zeros((1, 0)), Trial(Terrain())).measures == made.run(point, Trial(Terrain())).measures
+    with pytest.raises(ValueError, match=r"^links: 'tight' is unknown; choose one of alike, balanced, published"):
+        replace(made, links="tight")
