@@ -112,6 +112,6 @@ def gradient_kernel(real: Real, grain: int, drifting: bool, uneven: bool, wet: b
                         adjoint.reverse_response(robots, motion, cotangents, count)
                         adjoint.undo_think(robots, cotangents, t)
                     adjoint.undo_sense(robots, cotangents)
-                    adjoint.undo_place(robots, cotangents, t)
+                    adjoint.undo_place(robots, cotangents)
 
     return run

@@ -22,11 +22,10 @@ TIME_STEP, PUSH_OUT, FRICTION, COMPLIANCE, MEMORY, GAIN, APART, TOUCHING, FLOATI
 
 # The head of the memory: base position and orientation, the light, its smallest horizontal distance squared so far,
 # steps before divergence (negative: none), the worst unsolved residual; then factor, right-hand side and velocity; the
-# strength of the friction of points that hold, see ``World.slip_strength``; where the centre of mass is due relative to
-# the base that only moved on, see ``motion.keep_centre``.
+# strength of the friction of points that hold, see ``World.slip_strength``.
 POSITION, ORIENTATION, LIGHT, POSE_WIDTH = 0, 3, 7, 7
 CLOSEST, DIVERGED, RESIDUAL = 10, 11, 12
-ROOT, ROOT_RIGHT, SLIP_STRENGTH, DUE, HEAD = 13, 34, 40, 41, 44
+ROOT, ROOT_RIGHT, SLIP_STRENGTH, HEAD = 13, 34, 40, 41
 
 # Of a body. State: what it carries from step to step (angular, then linear), its own position, its hinge.
 CARRIED, OWN, ANGLE, MODES = 0, 6, 9, 10

@@ -74,9 +74,7 @@ def plan_of(tree: Tree, senses: Senses, commands: int = 0, *, wet: bool = False,
     impulses = plan[slots.POINT] + slots.IMPULSES + point_width * np.arange(len(points))[:, None]
     pose, neurons = np.arange(slots.POSE_WIDTH), plan[slots.NEURON] + np.arange(motors)
     readings = plan[slots.READING] + np.arange(sensors)
-    state = _listed(
-        pose, body_slots + np.arange(slots.STATE_WIDTH), neurons, impulses + np.arange(2), slots.DUE + np.arange(3)
-    )
+    state = _listed(pose, body_slots + np.arange(slots.STATE_WIDTH), neurons, impulses + np.arange(2))
     frame = _listed(pose, body_slots[tree.hinged] + slots.ANGLE, readings, neurons)
     # All but the first from POINT_BODIES on.
     lists = rows.ravel(), _listed(points), paths.ravel(), _listed(eyes), _listed(portions), state, frame

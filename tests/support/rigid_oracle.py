@@ -129,12 +129,6 @@ class Oracle:
         moved = q + h / 2 * np.array([-w @ q[1:], *(q[0] * w + np.cross(w, q[1:]))])
         self.orientation = moved / np.linalg.norm(moved)
         self.position, self.angles = self.position + h * u[3:6], self.angles + h * u[6:]
-        if not by_velocity and not self.tree.fixed:  # its centre of mass goes where its velocity leads
-            due = self.centre(places) + h * self.momenta[1].sum(0) / self.masses.sum()
-            self.position = self.position + due - self.centre(self.kinematics()[1])
-
-    def centre(self, places):
-        return self.masses @ places / self.masses.sum()
 
     def respond(self, matrix, right, rows, stairs, contacts, rotations, drift):
         """Velocities that momenta and pushes lead to, with rows of hinges, each with its stairs, and contacts."""

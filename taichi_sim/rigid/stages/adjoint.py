@@ -70,10 +70,20 @@ def clear_work(cotangents: ti.template()):
 
 
 @ti.func
-def undo_common_motion(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), seeds: ti.template()):
-    """Reverse ``motion.common_motion``, which returned ``motion``."""
-    of_motion = ti.static([s * motion[6] for s in seeds])
-    of_centre, of_going = ti.static(of_motion[:3]), ti.static(of_motion[3:])
+def undo_shift_moments(robots: ti.template(), carrying: ti.template(), cotangents: ti.template(), sign):
+    """Reverse ``motion.shift_moments``; momenta are those in the memory of ``carrying``."""
+    motion = ti.static(common_motion(robots, carrying))
+    share = motion[6]
+    of_motion = ti.static(variables(6, 0.0 * share))
+    for b in range(robots.plan[slots.BODIES]):
+        body, given = body_at(robots, b), given_at(robots, b)
+        own = ti.static(row(robots, given + slots.MASS, 1) + row(robots, body + slots.PLACE, 3))
+        inputs = ti.static(spatial.joined(own, row(carrying, body + slots.CARRIED + 3, 3), motion[:6]))
+        seeds = ti.static([sign * s for s in row(cotangents, body + slots.CARRIED, 3)])
+        to = ti.static(pull_back(laws.moment_shift, inputs, (), seeds))
+        scatter(cotangents, shifted_slots(robots, b), to[:7])
+        assign(of_motion, spatial.plus(of_motion, to[7:]))
+    of_centre, of_going = ti.static([s * share for s in of_motion[:3]]), ti.static([s * share for s in of_motion[3:]])
     for b in range(robots.plan[slots.BODIES]):
         body, given = body_at(robots, b), given_at(robots, b)
         mass = read(robots, given + slots.MASS)
@@ -85,40 +95,6 @@ def undo_common_motion(robots: ti.template(), motion: ti.template(), cotangents:
 
 
 @ti.func
-def undo_shift_moments(
-    robots: ti.template(), carrying: ti.template(), cotangents: ti.template(), sign, returned: ti.template()
-):
-    """Reverse ``motion.shift_moments``, of ``returned`` cotangents; momenta are those in the memory of ``carrying``."""
-    motion = ti.static(common_motion(robots, carrying))
-    of_motion = ti.static(variables(6, 0.0 * motion[6]))
-    assign(of_motion, returned)
-    for b in range(robots.plan[slots.BODIES]):
-        body, given = body_at(robots, b), given_at(robots, b)
-        own = ti.static(row(robots, given + slots.MASS, 1) + row(robots, body + slots.PLACE, 3))
-        inputs = ti.static(spatial.joined(own, row(carrying, body + slots.CARRIED + 3, 3), motion[:6]))
-        seeds = ti.static([sign * s for s in row(cotangents, body + slots.CARRIED, 3)])
-        to = ti.static(pull_back(laws.moment_shift, inputs, (), seeds))
-        scatter(cotangents, shifted_slots(robots, b), to[:7])
-        assign(of_motion, spatial.plus(of_motion, to[7:]))
-    undo_common_motion(robots, motion, cotangents, of_motion)
-
-
-@ti.func
-def undo_keep_centre(robots: ti.template(), cotangents: ti.template(), t):
-    """Reverse ``motion.keep_centre``: cotangents of where the centre was due, and of bodies' places.
-
-    Where launches meet, it is done for each: the second time for what was added to the base's cotangents since.
-    """
-    if t > 0:
-        motion = ti.static(common_motion(robots, robots))
-        of_base, done = ti.static(row(cotangents, slots.POSITION, 3)), ti.static(row(cotangents, slots.DUE, 3))
-        of_centre = ti.static(spatial.minus_times(done, of_base, 1.0))
-        none = 0.0 * of_base[0]
-        undo_common_motion(robots, motion, cotangents, spatial.joined(of_centre, (none, none, none)))
-        put(cotangents, slots.DUE, of_base)
-
-
-@ti.func
 def undo_move(robots: ti.template(), motion: ti.template(), cotangents: ti.template()):
     """Reverse ``move_bodies``: cotangents of velocities, hinges' rates and the state before the step."""
     h, push_out = setting(robots, slots.TIME_STEP), setting(robots, slots.PUSH_OUT)
@@ -127,13 +103,7 @@ def undo_move(robots: ti.template(), motion: ti.template(), cotangents: ti.templ
             before = ti.static(gather(robots, moving_slots(robots, b)))
             moved = ti.static(laws.carried_on(*before, h, push_out, robots.drifting))
             put(motion, body_at(robots, b) + slots.CARRIED, moved[:6])
-        of_due = ti.static(row(cotangents, slots.DUE, 3))
-        of_ahead = ti.static([h * s for s in of_due])
-        undo_shift_moments(robots, motion, cotangents, -1.0, spatial.joined(of_due, of_ahead))
-        linear = body_at(robots, 0) + slots.VELOCITY + 3
-        put(cotangents, linear, spatial.minus_times(row(cotangents, linear, 3), of_ahead, 1.0))
-        zero = 0.0 * h
-        put(cotangents, slots.DUE, (zero, zero, zero))
+        undo_shift_moments(robots, motion, cotangents, -1.0)
     root = body_at(robots, 0)
     base = ti.static(row(robots, slots.POSITION, 7) + row(robots, root + slots.VELOCITY, 6))
     to_base = ti.static(pull_back(laws.moved_base, base, (h,), row(cotangents, slots.POSITION, 7)))
@@ -273,8 +243,7 @@ def reverse_response(robots: ti.template(), motion: ti.template(), cotangents: t
     solve_adjoint(robots, motion, cotangents, count, rows)
     undo_solve(robots, motion, cotangents, count, rows)
     if ti.static(not robots.drifting):
-        none = 0.0 * read(robots, slots.POSITION)
-        undo_shift_moments(robots, robots, cotangents, 1.0, (none,) * 6)
+        undo_shift_moments(robots, robots, cotangents, 1.0)
     undo_command(robots, motion, cotangents, rows)
 
 
@@ -310,10 +279,8 @@ def undo_sense(robots: ti.template(), cotangents: ti.template()):
 
 
 @ti.func
-def undo_place(robots: ti.template(), cotangents: ti.template(), t):
-    """Reverse ``keep_centre`` and ``place_bodies``, leaves first: cotangents of the base's pose and the angles."""
-    if ti.static(not robots.drifting):
-        undo_keep_centre(robots, cotangents, t)
+def undo_place(robots: ti.template(), cotangents: ti.template()):
+    """Reverse ``place_bodies``, leaves first: cotangents of the base's pose and the angles."""
     for back in range(1, robots.plan[slots.BODIES]):
         b = robots.plan[slots.BODIES] - back
         body = body_at(robots, b)

@@ -67,30 +67,13 @@ def common_motion(robots: ti.template(), carrying: ti.template()):
 
 @ti.func
 def shift_moments(robots: ti.template(), sign):
-    """Moments of momentum about the common point from those carried from step to step (or back: -1).
-
-    Returns the centre of mass relative to the base, and its velocity, as ``common_motion`` has them.
-    """
+    """Moments of momentum about the common point from those carried from step to step (or back: -1)."""
     motion = ti.static(common_motion(robots, robots)[:6])
     for b in range(robots.plan[slots.BODIES]):
         pieces = ti.static(shifted_slots(robots, b))
         shift = ti.static(laws.moment_shift(*gather(robots, pieces), *motion))
         carried = body_at(robots, b) + slots.CARRIED
         put(robots, carried, spatial.plus_times(row(robots, carried, 3), shift, sign))
-    return motion
-
-
-@ti.func
-def keep_centre(robots: ti.template(), t):
-    """Put the base where the centre of mass is due: it goes as its velocity says, though hinges turn by finite angles.
-
-    Where it has been done before, as where launches meet, nothing changes. At step 0 robots are where they are given.
-    """
-    if t > 0:
-        centre = ti.static(common_motion(robots, robots)[:3])
-        late = ti.static(spatial.minus_times(row(robots, slots.DUE, 3), centre, 1.0))
-        put(robots, slots.POSITION, spatial.plus(row(robots, slots.POSITION, 3), late))
-        put(robots, slots.DUE, centre)
 
 
 @ti.func
@@ -126,7 +109,5 @@ def move_bodies(robots: ti.template()):
             turn = h * read(robots, body + slots.RATE)
             write(robots, body + slots.ANGLE, read(robots, body + slots.ANGLE) + turn)
     if ti.static(not robots.drifting):
-        motion = ti.static(shift_moments(robots, -1.0))
-        ahead = ti.static(spatial.minus_times(motion[3:], velocity[3:], 1.0))
-        put(robots, slots.DUE, spatial.plus_times(motion[:3], ahead, h))
+        shift_moments(robots, -1.0)
     put(robots, slots.POSITION, laws.moved_base(*row(robots, slots.POSITION, 7), *velocity, h))

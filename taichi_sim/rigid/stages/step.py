@@ -22,7 +22,7 @@ from taichi_sim.rigid.stages.contact import (
 )
 from taichi_sim.rigid.stages.control import clear_touch, command_hinges, sense_light, think
 from taichi_sim.rigid.stages.friction import rub
-from taichi_sim.rigid.stages.motion import gather_momentum, keep_centre, place_bodies
+from taichi_sim.rigid.stages.motion import gather_momentum, place_bodies
 from taichi_sim.rigid.stages.sand import limit_normals
 from taichi_sim.rigid.stages.water import immerse
 from taichi_sim.runtime import ti
@@ -37,8 +37,6 @@ HIGH_ABOVE = 1e4  # m: where a robot is put that exploded
 def observe(robots: ti.template(), t):
     """Place bodies, find contacts, read sensors and update neurons; return the number of points listed as touching."""
     place_bodies(robots)
-    if ti.static(not robots.drifting):
-        keep_centre(robots, t)
     clear_touch(robots)
     count = find_contacts(robots)
     sense_light(robots)

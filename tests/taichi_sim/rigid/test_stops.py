@@ -137,18 +137,16 @@ def shaken(trees, step, friction, commands, **how):
 @pytest.mark.parametrize("step", [0.005, 0.02, 0.05])
 def test_chains_on_the_ground_stay_within_their_stops(step, friction, precision):
     """Several hinges at stops at once, motors that shake the chain; in f64 every step is solved."""
-    unsolved = []
     for seed in (3, 6, 7, 8, 11):
         rng = np.random.default_rng(seed)
         trees = [crawler(rng) for _ in range(48)]
         run = shaken(trees, step, friction, rng.choice([-1.0, 0.3, 1.0], (48, 10, 5)), precision=precision)
         assert (run.status == "ok").all()
-        unsolved.append((run.residual > 0).mean())
+        assert (run.residual == 0).all() if precision == "f64" else (run.residual > 0).mean() < 0.1
         stops = np.array([[hinge.stops for hinge in tree.hinges] for tree in trees])
-        frames, slip = run.frames.angles, 1e-9 if precision == "f64" else 5e-5
+        frames, slip = run.frames.angles, 1e-9 if precision == "f64" else 2e-5
         assert (frames >= stops[..., 0] - slip).all() and (frames <= stops[..., 1] + slip).all()
         assert ((frames <= stops[..., 0] + slip) | (frames >= stops[..., 1] - slip)).mean() > 0.1
-    assert np.mean(unsolved) <= (0 if precision == "f64" else 0.1)
 
 
 @pytest.mark.parametrize("friction", [0.8, np.inf])
