@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robots.lattice_robot.drive import Free
+from robots.lattice_robot.reach import usual_range
 
 if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
@@ -13,12 +14,14 @@ if TYPE_CHECKING:
 SMALLEST, LARGEST = 1e-3, 10.0  # longest side of robots [m]
 SOFTEST, STIFFEST = 100.0, 1e12  # Young's moduli [Pa]; jelly has some 1000, diamond 1e12
 LEAST_SCALE, MOST_SCALE = 0.7, 1.4  # rest sizes of materials [edges], whose voxels all start with an edge of 1
+MOST_REACH = 1.4  # rest size [edges]; beyond, beside voxels that shrink, links that are not balanced may feed energy
+ROUNDING = 1e-9
 MANY_CYCLES = 10.0  # phases grow along a body that waves travel through, but hardly to this
 
 
 def doubts_of(robot: "LatticeRobot") -> tuple[str, ...]:
     """Likely mistakes of a robot, one line each that names the field and its unit."""
-    return (*_of_size(robot), *_of_parts(robot), *_of_materials(robot), *_of_phases(robot))
+    return (*_of_size(robot), *_of_parts(robot), *_of_materials(robot), *_of_phases(robot), *_of_reach(robot))
 
 
 def _of_size(robot: "LatticeRobot") -> Iterator[str]:
@@ -55,3 +58,12 @@ def _of_phases(robot: "LatticeRobot") -> Iterator[str]:
         sizes = [max(abs(v.low), abs(v.high)) if isinstance(v, Free) else abs(v) for v in given]
         if max(sizes) >= MANY_CYCLES:
             yield f"phase: {max(sizes):g} of {drive.name} is likely in degrees; phases are in cycles, 90 is 0.25"
+
+
+def _of_reach(robot: "LatticeRobot") -> Iterator[str]:
+    most = usual_range(robot)[1]
+    if any(max(material.scale) > MOST_SCALE for material in robot.body.materials):  # which is told
+        return
+    if most > MOST_REACH + ROUNDING and not (robot.body.is_balanced or robot.is_afloat):
+        told = f"{robot.name} swells to {most:.3g} edges, where usual links may push it along on dry ground"
+        yield f"links: {told}; compare with links balanced"

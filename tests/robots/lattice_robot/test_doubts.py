@@ -8,14 +8,15 @@ import pytest
 import morpholab as ml
 from robots.lattice_robot import Drive, Free, LatticeRobot
 from robots.lattice_robot.presets import soft_quadruped
+from robots.world import Terrain
 from taichi_sim.lattice import Material, body_from_array
 
 RUBBER = Material(1e6, 1000.0, static_friction=0.8, kinetic_friction=0.5, name="rubber")
 
 
-def robot_of(cells=(2, 1, 1), material=RUBBER, voxel_size=0.01, phase=0.0):
+def robot_of(cells=(2, 1, 1), material=RUBBER, voxel_size=0.01, phase=0.0, amplitude=0.1):
     body = body_from_array(np.ones(cells, int) if isinstance(cells, tuple) else cells, [material], voxel_size)
-    return LatticeRobot(body, (Drive("legs", (0,), amplitude=0.1, phase=phase),), cycles=1, name="worm")
+    return LatticeRobot(body, (Drive("legs", (0,), amplitude=amplitude, phase=phase),), cycles=1, name="worm")
 
 
 @pytest.mark.parametrize(
@@ -36,6 +37,7 @@ def robot_of(cells=(2, 1, 1), material=RUBBER, voxel_size=0.01, phase=0.0):
             robot_of(material=dataclasses.replace(RUBBER, kinetic_friction=0.9)),
             "kinetic_friction: 0.9 of rubber is above its static friction, 0.8; what slides is then held more",
         ),
+        (robot_of(amplitude=0.5), "links: worm swells to 1.5 edges, where usual links may push it along on dry ground"),
         (robot_of(phase=90.0), "phase: 90 of legs is likely in degrees; phases are in cycles, 90 is 0.25"),
         (robot_of(phase=Free(0.0, 360.0)), "phase: 360 of legs is likely in degrees; phases are in cycles"),
     ],
@@ -48,6 +50,13 @@ def test_likely_mistakes_are_named_with_their_unit(robot, told):
         pytest.raises(ValueError, match=r"^nothing: is unknown"),
     ):
         ml.simulate(robot, nothing=0)  # robots are looked at before anything is simulated
+
+
+def test_sizes_are_doubted_only_where_links_turn_bodies():
+    swelling = robot_of(amplitude=Free(0.0, 0.5))
+    assert len(swelling.doubts()) == 1 and not robot_of(amplitude=0.4).doubts()
+    assert not dataclasses.replace(swelling, body=dataclasses.replace(swelling.body, links="balanced")).doubts()
+    assert not swelling.on(Terrain.water()).doubts()
 
 
 def test_a_search_in_one_call_looks_at_its_robot():
