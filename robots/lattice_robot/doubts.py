@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robots.lattice_robot.drive import Free
-from robots.lattice_robot.reach import usual_range
+from robots.lattice_robot.reach import reached_sizes
 
 if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
@@ -14,8 +14,7 @@ if TYPE_CHECKING:
 SMALLEST, LARGEST = 1e-3, 10.0  # longest side of robots [m]
 SOFTEST, STIFFEST = 100.0, 1e12  # Young's moduli [Pa]; jelly has some 1000, diamond 1e12
 LEAST_SCALE, MOST_SCALE = 0.7, 1.4  # rest sizes of materials [edges], whose voxels all start with an edge of 1
-MOST_REACH = 1.4  # rest size [edges]; beyond, beside voxels that shrink, links that are not balanced may feed energy
-ROUNDING = 1e-9
+MOST_UNLIKE = 2.5  # largest over smallest rest size; beyond, links that are not balanced may feed bodies energy
 MANY_CYCLES = 10.0  # phases grow along a body that waves travel through, but hardly to this
 
 
@@ -61,9 +60,9 @@ def _of_phases(robot: "LatticeRobot") -> Iterator[str]:
 
 
 def _of_reach(robot: "LatticeRobot") -> Iterator[str]:
-    most = usual_range(robot)[1]
-    if any(max(material.scale) > MOST_SCALE for material in robot.body.materials):  # which is told
+    least, most = reached_sizes(robot)
+    if any(drive.knots for drive in robot.drives):  # whose bounds are far wider than what they reach
         return
-    if most > MOST_REACH + ROUNDING and not (robot.body.is_balanced or robot.is_afloat):
-        told = f"{robot.name} swells to {most:.3g} edges, where usual links may push it along on dry ground"
+    if most > MOST_UNLIKE * least and not (robot.body.is_balanced or robot.is_afloat):
+        told = f"{robot.name} has sizes of {least:.3g} to {most:.3g} edges, which may push it along on dry ground"
         yield f"links: {told}; compare with links balanced"

@@ -60,10 +60,19 @@ def kept(robot: "LatticeRobot", design: "LatticeRobot") -> "LatticeRobot":
 
 
 def _reached(robot: "LatticeRobot", drawn: bool) -> tuple[float, float]:
+    """Smallest and largest rest size for which the time steps of a robot are [edges], see :func:`reached_sizes`.
+
+    A smallest size above half an edge is told as that: it changes no time step. Sizes below ``SMALLEST`` are refused
+    when they come, so none is smaller.
+    """
+    least, most = reached_sizes(robot, drawn)
+    return min(max(least, SMALLEST), HALF), most
+
+
+def reached_sizes(robot: "LatticeRobot", drawn: bool = False) -> tuple[float, float]:
     """Smallest and largest rest size that a voxel of a robot can reach [edges], whatever is free of it.
 
-    What reflexes answer is counted, and gains of drives if ``drawn``. A smallest size above half an edge is told as
-    that: it changes no time step. Sizes below ``SMALLEST`` are refused when they come, so none is smaller.
+    What reflexes answer is counted, and gains of drives if ``drawn``.
     """
     body = robot.body
     of_voxels = [body.materials[number] for number in body.material_index]
@@ -83,7 +92,7 @@ def _reached(robot: "LatticeRobot", drawn: bool) -> tuple[float, float]:
     warm = [1 + expansion * heat for heat in heats]
     least = scales[0] * np.minimum(np.minimum(*warm), 1.0)
     most = scales[1] * np.maximum(np.maximum(*warm), 1.0)
-    return min(max(float(least.min()), SMALLEST), HALF), float(most.max())
+    return float(least.min()), float(most.max())
 
 
 def _range(robot: "LatticeRobot", drive: Drive, drawn: bool) -> tuple[Floats, Floats]:

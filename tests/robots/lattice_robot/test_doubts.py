@@ -37,7 +37,7 @@ def robot_of(cells=(2, 1, 1), material=RUBBER, voxel_size=0.01, phase=0.0, ampli
             robot_of(material=dataclasses.replace(RUBBER, kinetic_friction=0.9)),
             "kinetic_friction: 0.9 of rubber is above its static friction, 0.8; what slides is then held more",
         ),
-        (robot_of(amplitude=0.5), "links: worm swells to 1.5 edges, where usual links may push it along on dry ground"),
+        (robot_of(amplitude=0.5), "links: worm has sizes of 0.5 to 1.5 edges, which may push it along on dry ground"),
         (robot_of(phase=90.0), "phase: 90 of legs is likely in degrees; phases are in cycles, 90 is 0.25"),
         (robot_of(phase=Free(0.0, 360.0)), "phase: 360 of legs is likely in degrees; phases are in cycles"),
     ],
