@@ -61,7 +61,7 @@ def _of_phases(robot: "LatticeRobot") -> Iterator[str]:
 
 def _of_reach(robot: "LatticeRobot") -> Iterator[str]:
     least, most = reached_sizes(robot)
-    if any(drive.knots for drive in robot.drives):  # whose bounds are far wider than what they reach
+    if any(drive.knots or drive.proportions for drive in robot.drives):  # bounds that not all of a voxel reaches
         return
     if most > MOST_UNLIKE * least and not (robot.body.is_balanced or robot.is_afloat):
         told = f"{robot.name} has sizes of {least:.3g} to {most:.3g} edges, which may push it along on dry ground"
