@@ -1,6 +1,9 @@
 """Rows of chapters 2 to 4, and of what chapter 6 proposes, in the table of docs/reproduction.md."""
 
+import math
+
 from reproduction_rows import Row, band, data, percent, reproduced, summary
+from scipy import stats
 
 from optim.experiments.data import Kind
 from optim.experiments.tables import where
@@ -44,6 +47,7 @@ def interference() -> list[Row]:
         rows.append(
             Row(what, published, here, f"{runs[lights]} runs", share[lights], orders[lights], "0 to 4", differs)
         )
+    rows += _at_3000_generations(kinds)
     others = [row for row in means["two"] if row["measure"] != "M1"]
     inside = sum(row["low"] <= row["published"] <= row["high"] for row in others)
     what, here = "M2, M3, M4, two lights: published means in our intervals", f"{inside} of {len(others)}"
@@ -57,6 +61,29 @@ def interference() -> list[Row]:
     what = "whegged nearer than legged robots, by min, two lights"
     rows.append(Row(what, "significant", here, "5, 5 runs", share["two"], order, "0 to 4", differs))
     return rows + _alone()
+
+
+def _at_3000_generations(kinds: dict[str, Kind]) -> list[Row]:
+    """All four measures of the treatments that have run for the published generations, with Student's intervals."""
+    found = data("interference-at-3000").records("tables.csv", {**kinds, "deviation": float})
+    rows = []
+    for fitness, robot in dict.fromkeys((row["fitness"], row["robot"]) for row in found):
+        own = where(found, definition="defined", fitness=fitness, robot=robot)
+        runs, bands, within = own[0]["runs"], [], 0
+        for row in own:
+            half = stats.t.ppf(0.975, runs - 1) * row["deviation"] / math.sqrt(runs)
+            low, high = row["mean"] - half, row["mean"] + half
+            within += low <= row["published"] <= high
+            bands.append(band({**row, "low": low, "high": high}, 2))
+        what = f"M1 [m], M2 [degrees], M3 [m], M4 [%] by {fitness}, two lights, {robot}"
+        published = ", ".join(f"{row['published']:.2f}" for row in own)
+        share = f"{percent(runs / 30)}: {runs} of 30 runs, all 3000 generations"
+        command = f"morpholab interference --robots {robot} --fitness {fitness} --runs {runs} --generations 3000"
+        differs = (
+            "nothing: all are in our intervals (Student's t)" if within == len(own) else f"{within} of 4 are inside"
+        )
+        rows.append(Row(what, published, ", ".join(bands), f"{runs} runs", share, command, f"0 to {runs - 1}", differs))
+    return rows
 
 
 def _alone() -> list[Row]:
