@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robots.lattice_robot.drive import Free
+from robots.lattice_robot.faults import SMALLEST as SMALLEST_SIZE
 from robots.lattice_robot.reach import reached_sizes
 
 if TYPE_CHECKING:
@@ -60,9 +61,15 @@ def _of_phases(robot: "LatticeRobot") -> Iterator[str]:
 
 
 def _of_reach(robot: "LatticeRobot") -> Iterator[str]:
-    least, most = reached_sizes(robot)
-    if any(drive.knots or drive.proportions for drive in robot.drives):  # bounds that not all of a voxel reaches
+    """Sizes of neighbours; not by curves and proportions, whose bounds are wider than what all of a voxel reaches."""
+    regions, links = np.asarray(robot.body.regions), robot.body.topology.links
+    links = links[regions[links[:, 0]] != regions[links[:, 1]]]  # voxels of one region have one size
+    if robot.body.is_balanced or not len(links):
         return
-    if most > MOST_UNLIKE * least and not (robot.body.is_balanced or robot.is_afloat):
-        told = f"{robot.name} has sizes of {least:.3g} to {most:.3g} edges, which may push it along on dry ground"
-        yield f"links: {told}; compare with links balanced"
+    plain = [drive for drive in robot.drives if not (drive.knots or drive.proportions)]
+    least, most = (each[links] for each in reached_sizes(robot, plain))
+    least = np.maximum(least[:, ::-1], SMALLEST_SIZE)  # of the other voxel
+    worst = np.unravel_index((most / least).argmax(), most.shape)
+    if most[worst] > MOST_UNLIKE * least[worst]:
+        sizes = f"{robot.name} has neighbours of {least[worst]:.3g} and {most[worst]:.3g} edges"
+        yield f"links: {sizes}, which may push it along on dry ground; compare with links balanced"

@@ -65,21 +65,21 @@ def _reached(robot: "LatticeRobot", drawn: bool) -> tuple[float, float]:
     A smallest size above half an edge is told as that: it changes no time step. Sizes below ``SMALLEST`` are refused
     when they come, so none is smaller.
     """
-    least, most = reached_sizes(robot, drawn)
-    return min(max(least, SMALLEST), HALF), most
+    least, most = reached_sizes(robot, robot.drives, drawn)
+    return min(max(float(least.min()), SMALLEST), HALF), float(most.max())
 
 
-def reached_sizes(robot: "LatticeRobot", drawn: bool = False) -> tuple[float, float]:
-    """Smallest and largest rest size that a voxel of a robot can reach [edges], whatever is free of it.
+def reached_sizes(robot: "LatticeRobot", drives: Sequence[Drive], drawn: bool = False) -> tuple[Floats, Floats]:
+    """Smallest and largest rest size that each voxel of a robot can reach [edges], shape (V,) each.
 
-    What reflexes answer is counted, and gains of drives if ``drawn``.
+    That is by some of its drives, whatever is free of it. What reflexes answer is counted, and gains if ``drawn``.
     """
     body = robot.body
     of_voxels = [body.materials[number] for number in body.material_index]
     scales = [np.array([pick(material.scale) for material in of_voxels]) for pick in (min, max)]
     heats = [np.array([material.temperature for material in of_voxels]) for _ in scales]
     expansion = np.array([material.thermal_expansion for material in of_voxels])
-    for drive in robot.drives:
+    for drive in drives:
         if drive.quantity not in ("scale", "temperature"):
             continue
         rows = driven_voxels(drive, body)
@@ -92,7 +92,7 @@ def reached_sizes(robot: "LatticeRobot", drawn: bool = False) -> tuple[float, fl
     warm = [1 + expansion * heat for heat in heats]
     least = scales[0] * np.minimum(np.minimum(*warm), 1.0)
     most = scales[1] * np.maximum(np.maximum(*warm), 1.0)
-    return float(least.min()), float(most.max())
+    return least, most
 
 
 def _range(robot: "LatticeRobot", drive: Drive, drawn: bool) -> tuple[Floats, Floats]:

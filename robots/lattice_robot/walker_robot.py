@@ -55,6 +55,7 @@ class WalkerRobot(Robot):
         Measure("voxels", "", "voxels of the body"),
     )
     worlds = (Terrain(),)
+    changeable = ("links",)
 
     def __post_init__(self) -> None:
         shape = tuple(self.shape)

@@ -225,7 +225,7 @@ def test_time_steps_are_for_the_sizes_that_may_be_drawn():
 
 
 @pytest.mark.parametrize(("mean", "terrain"), [(0.6, Terrain()), (1.4, Terrain()), (1.4, Terrain.water())])
-def test_a_design_has_the_time_step_of_its_search_around_any_mean(mean, terrain):
+def test_a_design_has_the_time_step_of_its_search_around_a_mean_that_all_muscles_have(mean, terrain):
     search, draw = shrinking(Free(0.0, 0.3), mean), Perturbation(levels=(1.6,) * 16)
     steps = {made.perturbed(draw).on(terrain).cycle.time_step for made in (search, search.design([0.1]))}
     assert steps == {shrinking(0.48, mean).on(terrain).cycle.time_step}

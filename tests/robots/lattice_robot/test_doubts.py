@@ -8,7 +8,6 @@ import pytest
 import morpholab as ml
 from robots.lattice_robot import Drive, Free, LatticeRobot
 from robots.lattice_robot.presets import soft_quadruped
-from robots.world import Terrain
 from taichi_sim.lattice import Material, body_from_array
 
 RUBBER = Material(1e6, 1000.0, static_friction=0.8, kinetic_friction=0.5, name="rubber")
@@ -37,7 +36,6 @@ def robot_of(cells=(2, 1, 1), material=RUBBER, voxel_size=0.01, phase=0.0, ampli
             robot_of(material=dataclasses.replace(RUBBER, kinetic_friction=0.9)),
             "kinetic_friction: 0.9 of rubber is above its static friction, 0.8; what slides is then held more",
         ),
-        (robot_of(amplitude=0.5), "links: worm has sizes of 0.5 to 1.5 edges, which may push it along on dry ground"),
         (robot_of(phase=90.0), "phase: 90 of legs is likely in degrees; phases are in cycles, 90 is 0.25"),
         (robot_of(phase=Free(0.0, 360.0)), "phase: 360 of legs is likely in degrees; phases are in cycles"),
     ],
@@ -53,10 +51,20 @@ def test_likely_mistakes_are_named_with_their_unit(robot, told):
 
 
 def test_sizes_are_doubted_only_where_links_turn_bodies():
-    swelling = robot_of(amplitude=Free(0.0, 0.5))
-    assert len(swelling.doubts()) == 1 and not robot_of(amplitude=0.4).doubts()
-    assert not dataclasses.replace(swelling, body=dataclasses.replace(swelling.body, links="balanced")).doubts()
-    assert not swelling.on(Terrain.water()).doubts()
+    """That is between regions; curves and proportions, whose bounds are wide, hide no other drive."""
+    body = body_from_array(np.ones((4, 1, 1), int), [RUBBER], 0.01, regions=np.arange(4).reshape(4, 1, 1) // 2)
+
+    def swelling(size, regions=(0, 1), *more, links="alike"):
+        legs = Drive("legs", regions, amplitude=size)
+        return LatticeRobot(dataclasses.replace(body, links=links), (legs, *more), cycles=1, name="worm")
+
+    (told,) = swelling(Free(0.0, 0.5)).doubts()
+    assert told.startswith("links: worm has neighbours of 0.5 and 1.5 edges, which may push it along on dry ground")
+    (told,) = swelling(Free(0.0, 1.3)).doubts()
+    assert "neighbours of 0.1 and 2.3 edges" in told
+    curve = Drive("back", (1,), amplitude=0.01, knots=(0.0, 1.0))
+    assert swelling(0.7, (0,), curve).doubts() and not robot_of(amplitude=0.5).doubts()
+    assert not swelling(0.4).doubts() and not swelling(0.5, links="balanced").doubts()
 
 
 def test_a_search_in_one_call_looks_at_its_robot():

@@ -227,6 +227,7 @@ def test_bodies_are_searched_and_kept_with_the_links_that_are_chosen():
     assert made.run(point, Trial(Terrain())).measures["speed"] != usual.run(point, Trial(Terrain())).measures["speed"]
     assert made.steps > usual.steps and "links" not in {**usual.describe(), **usual.command_options()}
     assert KINDS["walker"].from_description(made.describe()).links == made.command_options()["links"] == "balanced"
+    assert usual.changed({"links": "balanced"}).links == "balanced"
     kept = made.design(point[0])
     assert kept.run(np.zeros((1, 0)), Trial(Terrain())).measures == made.run(point, Trial(Terrain())).measures
     with pytest.raises(ValueError, match=r"^links: 'tight' is unknown; choose one of alike, balanced, published"):
