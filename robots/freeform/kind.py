@@ -6,7 +6,7 @@ from typing import Any
 
 from robots.kind import OWN_MEASURES_OPTION, choices
 from robots.lattice_robot.ground import LatticeGroundKind
-from robots.lattice_robot.kind import LINKS_OPTION
+from robots.lattice_robot.links import LINKS_OPTION
 from robots.lattice_robot.walker_kind import shape_of
 from robots.robot import Option, Robot
 from taichi_sim.base.files import read_text

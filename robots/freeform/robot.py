@@ -18,6 +18,7 @@ from robots.freeform.palette import Palette, palette_of
 from robots.freeform.solid import Solid, drives_of, solid_of
 from robots.freeform.trials import counts_of, try_variants
 from robots.lattice_robot.gains import Gains
+from robots.lattice_robot.links import facts_of_links
 from robots.lattice_robot.measures import checked_target, measures_among, measures_of
 from robots.lattice_robot.props import time_step_among
 from robots.lattice_robot.robot import LatticeRobot
@@ -363,7 +364,7 @@ class FreeformRobot(Robot):
         return [
             ("Robot", f"{self.name}: {sides} cells of {1000 * self.grid.voxel_size:g} mm"),
             ("Tissues", ", ".join(names)),
-            *([("Links", self.links)] if self.links != USUAL_LINKS else []),
+            *facts_of_links(self.links),
             ("Fields", f"{self.fields}, {counted(len(self.parameters), 'variable')}"),
             ("Muscles", f"{each}, up to {drive.amplitude:g} of an edge"),
             ("Cycle", f"{drive.frequency:g} Hz; the speed is that of {counted(drive.cycles, 'cycle')}"),

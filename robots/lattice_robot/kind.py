@@ -8,16 +8,10 @@ from typing import Any
 from robots.kind import OWN_MEASURES_OPTION, choices
 from robots.lattice_robot.formats import MESH_SUFFIXES, ROBOT_FORMAT, VOXEL_SUFFIXES
 from robots.lattice_robot.ground import LatticeGroundKind
+from robots.lattice_robot.links import LINKS_OPTION
 from robots.robot import Option, Robot
 from taichi_sim.base.checks import MOST_FRICTION
 from taichi_sim.base.options import checked, file_path, number, whole
-
-LINKS_OPTION = Option(
-    "links",
-    "law of the links of voxels: damped alike at both ends; balanced, too, so that bodies do not turn themselves on "
-    "dry ground; or as published (default: alike)",
-    choices=("alike", "balanced", "published"),
-)
 
 
 def _region(text: str) -> Any:

@@ -19,6 +19,7 @@ from robots.lattice_robot.drive import Drive, Free, check_drives
 from robots.lattice_robot.faults import caution_of, fault_of
 from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.ground import material_friction
+from robots.lattice_robot.links import facts_of_links
 from robots.lattice_robot.measures import OF_PROPS, checked_target, measures_among, measures_of
 from robots.lattice_robot.out_of_the_lab import OutOfTheLab
 from robots.lattice_robot.props import Placed, placed
@@ -37,7 +38,6 @@ from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_record
 from taichi_sim.base.short_text import counted
 from taichi_sim.lattice import LatticeBody, Material
-from taichi_sim.lattice.body import USUAL_LINKS
 from taichi_sim.lattice.materials import channel_values
 
 if TYPE_CHECKING:
@@ -389,7 +389,7 @@ class LatticeRobot(OutOfTheLab):
         voxels = f"{self.body.voxel_count} voxels of {1000 * self.body.voxel_size:g} mm"
         return [
             ("Robot", f"{self.name}: {voxels}"),
-            *([("Links", self.body.links)] if self.body.links != USUAL_LINKS else []),
+            *facts_of_links(self.body.links),
             ("Driven", ", ".join(f"{drive.name} ({drive.quantity})" for drive in self.drives)),
             *([("Reflexes", self.reflexes.spoken)] if self.reflexes else []),
             ("Cycle", f"{self.frequency:g} Hz; the speed is that of {counted(self.cycles, 'cycle')}"),

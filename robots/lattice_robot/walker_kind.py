@@ -7,7 +7,7 @@ from typing import Any
 from robots.kind import choices
 from robots.lattice_robot.formats import WALKER_FORMAT
 from robots.lattice_robot.ground import LatticeGroundKind
-from robots.lattice_robot.kind import LINKS_OPTION
+from robots.lattice_robot.links import LINKS_OPTION, USUAL
 from robots.robot import Option, Robot
 from taichi_sim.base.checks import built, known_names, whole_number
 from taichi_sim.base.options import checked, number, whole
@@ -46,16 +46,16 @@ class WalkerKind(LatticeGroundKind):
         from robots.lattice_robot.walker_robot import WalkerRobot
 
         drive = {name: options[name] for name in ("amplitude", "frequency", "cycles", "settling") if name in options}
-        links = {name: options[name] for name in ("links",) if name in options}
+        links = options.get("links", USUAL)
         if source is None:
             body = {name: options[name] for name in ("shape", "encoding") if name in options}
-            return WalkerRobot(actuation=WalkerActuation(**drive), **body, **links)
+            return WalkerRobot(actuation=WalkerActuation(**drive), links=links, **body)
         for name in ("shape", "encoding"):
             if name in options:
                 raise ValueError(f"{name}: the walker in {source} has its own; leave it out")
         walker = load_walker(source)
         own = walker.materials.shape, ENCODINGS[0], WalkerActuation(**drive), walker, Path(source).stem
-        return WalkerRobot(*own, **links)
+        return WalkerRobot(*own, links)
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Designs of ``save_walker``."""
@@ -68,5 +68,5 @@ class WalkerKind(LatticeGroundKind):
 
         known_names(description, "shape", "encoding", "actuation", "links")
         shape, actuation = tuple(description["shape"]), built(WalkerActuation, description["actuation"])
-        links = {name: description[name] for name in ("links",) if name in description}
-        return WalkerRobot(shape, description["encoding"], actuation, **links)
+        links = description.get("links", USUAL)
+        return WalkerRobot(shape, description["encoding"], actuation, links=links)

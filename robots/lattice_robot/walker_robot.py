@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.lattice_robot import walker
+from robots.lattice_robot.links import facts_of_links
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.walker import ACTIVE, ANTIPHASE, KINDS, WalkerActuation, WalkerDesign, WalkerTissue
 from robots.lattice_robot.walker_encoding import WalkerEncoding, encoding_of
@@ -172,7 +173,7 @@ class WalkerRobot(Robot):
         return [
             ("Robot", f"soft voxel walker in a lattice of {' x '.join(map(str, self.shape))} voxels"),
             ("Encoding", self.encoding),
-            *([("Links", self.links)] if self.links != USUAL_LINKS else []),
+            *facts_of_links(self.links),
             (
                 "Actuation",
                 f"{100 * drive.amplitude:g} % of the edges at {drive.frequency:g} Hz, {cycles}",

@@ -119,6 +119,11 @@ class LatticeBody(ShortText):
         return len(self.voxels)
 
     @property
+    def is_published(self) -> bool:
+        """Whether links damp either end as its own material says."""
+        return self.links == PUBLISHED
+
+    @property
     def is_balanced(self) -> bool:
         """Whether links keep angular momentum on dry ground, too."""
         return self.links == BALANCED
@@ -176,8 +181,7 @@ class LatticeBody(ShortText):
         """
         ends = self.material_index[self.topology.links] if len(self.topology.links) else np.zeros((0, 2), int)
         pairs = [(self.materials[minus], self.materials[plus]) for minus, plus in np.unique(ends, axis=0)]
-        own = self.links == PUBLISHED
-        steps = [time_steps.link_step(minus, plus, self.voxel_size, own) for minus, plus in pairs]
+        steps = [time_steps.link_step(minus, plus, self.voxel_size, self.is_published) for minus, plus in pairs]
         if not pairs:
             stiffest = max(m.youngs_modulus * self.voxel_size / voxel_mass(m, self.voxel_size) for m in self.materials)
             steps = [float(1 / (2 * np.pi * np.sqrt(stiffest)))]

@@ -6,7 +6,7 @@ from dataclasses import fields
 import numpy as np
 
 from taichi_sim.autodiff.tracing import pull_back
-from taichi_sim.lattice.body import PUBLISHED, LatticeBody
+from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.materials import BEAM_FIELDS, CHANNEL_FIELDS, VOXEL_FIELDS, Material, beam_row, voxel_row
 from taichi_sim.lattice.stages.tables import Tables
 
@@ -42,7 +42,7 @@ def material_gradients(
         shares = bases[:, :, quantity : quantity + width]
         add_to_columns(found[name], groups, shares.reshape(*shares.shape[:2], *found[name].shape[2:]))
     inputs = [value[n][:, end] for end in ends.T for n in BEAM_FIELDS]
-    parts = pull_back(beam_row, inputs, (edge, time_step, bodies[0].links == PUBLISHED), [*np.moveaxis(beams, -1, 0)])
+    parts = pull_back(beam_row, inputs, (edge, time_step, bodies[0].is_published), [*np.moveaxis(beams, -1, 0)])
     at_minus, at_plus = parts[: len(BEAM_FIELDS)], parts[len(BEAM_FIELDS) :]
     for name, minus, plus in zip(BEAM_FIELDS, at_minus, at_plus, strict=True):
         add_to_columns(found[name], ends.ravel(), np.stack([minus, plus], axis=-1).reshape(batch, -1))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from taichi_sim.ground.relief import GroundTables
-from taichi_sim.lattice.body import PUBLISHED, LatticeBody
+from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.laws.enclosure import closed_surface
 from taichi_sim.lattice.laws.fluid import displaced_volumes, outer_sides
 from taichi_sim.lattice.materials import (
@@ -165,8 +165,7 @@ def build_tables(
         found = {id(each): np.array(table(each.materials)) for each in {id(b): b for b in bodies}.values()}
         return np.array([found[id(each)] for each in bodies])
 
-    own = body.links == PUBLISHED
-    beam = of_robots(lambda m: [beam_constants(m[a], m[b], h, time_step, own) for a, b in beam_pairs])
+    beam = of_robots(lambda m: [beam_constants(m[a], m[b], h, time_step, body.is_published) for a, b in beam_pairs])
     beam = beam.reshape(len(bodies), -1, BEAM_COLUMNS)
     return Tables(
         link=_link_table(ends, axes, beam_of, rest_of, beam),

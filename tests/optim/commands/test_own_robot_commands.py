@@ -9,8 +9,8 @@ import trimesh
 from articulated_files import CRAWLER
 
 from robots.hardware import read_channels
-from robots.lattice_robot.kind import LINKS_OPTION
-from taichi_sim.lattice.body import LINK_LAWS
+from robots.lattice_robot.links import LINKS_OPTION, USUAL
+from taichi_sim.lattice.body import LINK_LAWS, USUAL_LINKS
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 MINE = """
@@ -106,7 +106,7 @@ def test_a_measure_that_only_a_users_file_defines_is_searched(morpholab, tmp_pat
 
 
 def test_every_law_of_links_is_an_option():
-    assert LINKS_OPTION.choices == LINK_LAWS
+    assert LINKS_OPTION.choices == LINK_LAWS and USUAL == USUAL_LINKS
 
 
 @pytest.mark.kernels
