@@ -186,34 +186,50 @@ def next_value(ms: ti.template(), slot, lane):
     return laws.channel_value(ms[slot + BASE, lane], ms[slot + RATE, lane], ms[slot + AGE, lane])
 
 
+class Way(NamedTuple):
+    """One robot on the way back through its marks, in any driver.
+
+    Attributes:
+        u: scalars of the groups' channels; its records are those before and after the step.
+        block, lane: where the robot's integers stand.
+        t: tables of the groups.
+        end: function that makes the cotangents those of the last state, of a driver's own and the robot.
+        receive: function that adds the cotangents of a recording, of a driver's own, the robot, snapshot and step.
+        own: what a driver's two functions work on.
+    """
+
+    u: Any
+    block: Any
+    lane: Any
+    t: Any
+    end: Any
+    receive: Any
+    own: Any
+
+
 @ti.func
-def meet_events_back(u: ti.template(), block, lane, step, slots, t: ti.template(), marks: ti.template()):
+def meet_events_back(way: ti.template(), step, marks: ti.template()):
     """Meet a step's marks on the way back: a run that ends here begins, events take cotangents, recordings give theirs.
 
-    ``u`` holds scalars; its records are those before and after this step. Returns the step before this one at which
-    the robot has something to do again.
+    Returns the step before this one at which the robot has something to do again.
     """
+    u, i, lane, t = ti.static((way.u, way.block, way.lane, way.t))
     upcoming = NO_MARK
-    robot = marks.lanes[block, lane, ROBOT]
-    if marks.lanes[block, lane, STATE] == WAITING:
-        if marks.lanes[block, lane, LENGTH] == step:
-            marks.lanes[block, lane, STATE] = ACTIVE
-            for slot in range(slots):
-                u.a[u.k + slot, lane] = 0.0
-            for v in range(t.plan[memory.VOXELS]):
-                for c in range(memory.STICKS):
-                    voxel = u.k + t.plan[memory.VOXEL] + v * memory.VOXEL_WIDTH
-                    u.a[voxel + c, lane] = marks.finals[robot, v, c]
+    robot = marks.lanes[i, lane, ROBOT]
+    if marks.lanes[i, lane, STATE] == WAITING:
+        if marks.lanes[i, lane, LENGTH] == step:
+            marks.lanes[i, lane, STATE] = ACTIVE
+            way.end(way.own, robot, marks)
         else:
-            upcoming = marks.lanes[block, lane, LENGTH]
-    if marks.lanes[block, lane, STATE] == ACTIVE:
-        e = marks.lanes[block, lane, EVENT]
+            upcoming = marks.lanes[i, lane, LENGTH]
+    if marks.lanes[i, lane, STATE] == ACTIVE:
+        e = marks.lanes[i, lane, EVENT]
         if step == 0:
-            recall_start(u, lane, marks.lanes[block, lane, FIRST_EVENT], e, t, marks)
+            recall_start(u, lane, marks.lanes[i, lane, FIRST_EVENT], e, t, marks)
         due = 1
         while due == 1:
             due = 0
-            if e > marks.lanes[block, lane, FIRST_EVENT]:
+            if e > marks.lanes[i, lane, FIRST_EVENT]:
                 if marks.event[e - 1, 0] >= step:
                     e -= 1
                     due = 1
@@ -221,10 +237,10 @@ def meet_events_back(u: ti.template(), block, lane, step, slots, t: ti.template(
                         if marks.event[e, 1] >= 0:
                             take_event(u, lane, e, t, marks)
                         else:
-                            receive(u, lane, robot, 0 - marks.event[e, 1] - 1, step, t, marks)
+                            way.receive(way.own, robot, 0 - marks.event[e, 1] - 1, step, marks)
                 else:
                     upcoming = marks.event[e - 1, 0]
-        marks.lanes[block, lane, EVENT] = e
+        marks.lanes[i, lane, EVENT] = e
     return upcoming
 
 
@@ -251,22 +267,6 @@ def recall_start(u: ti.template(), lane, first, end, t: ti.template(), marks: ti
     for e in range(first, end):
         if marks.event[e, 0] == 0 and marks.event[e, 1] >= 0:
             set_channel(u.m, u.k, lane, e, t, marks)
-
-
-@ti.func
-def receive(u: ti.template(), lane, robot, snapshot, step, t: ti.template(), marks: ti.template()):
-    """Add the cotangents of a recorded pose, of the strains of its links and of its rest sizes."""
-    for v in range(t.plan[memory.VOXELS]):
-        for c in range(7):
-            voxel = u.k + t.plan[memory.VOXEL] + v * memory.VOXEL_WIDTH
-            u.a[voxel + c, lane] += marks.poses[robot, snapshot, v, c]
-    if step > 0:  # what links remember at the start of a run is given
-        for l in range(t.plan[memory.LINKS]):
-            rest = u.k + rest_slot(l, t) + 1
-            link = t.plan[memory.LINK] + l * memory.LINK_WIDTH
-            u.a[u.k + link, lane] += marks.strains[robot, snapshot, l] * u.m[rest, lane]
-            u.a[rest, lane] += marks.strains[robot, snapshot, l] * u.record[u.r + u.new + link, lane]
-    receive_sizes(u, lane, robot, snapshot, step, t, marks)
 
 
 @ti.func

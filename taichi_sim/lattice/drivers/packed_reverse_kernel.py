@@ -278,44 +278,14 @@ def undo_step(b: ti.template(), n, log: ti.template()):
 
 
 @ti.func
-def meet_back(b: ti.template(), step, marks: ti.template()):
-    """Meet a step's marks on the way back: a run that ends here begins, events take cotangents, recordings give theirs.
-
-    ``u`` and ``ug`` hold scalars. Returns the step before this one at which the robot has something to do again.
-    """
-    u, ug, i, t, tg, p = ti.static((b.u, b.ug, b.i, b.t, b.tg, b.p))
-    upcoming = marking.NO_MARK
+def end_run(b: ti.template(), robot, marks: ti.template()):
+    """Let a robot's cotangents be those of its last state."""
+    u, t, tg, p = ti.static((b.u, b.t, b.tg, b.p))
     w = ti.static(p.width)
     voxels = (u.k + t.plan[memory.VOXEL]) * w
-    robot = marks.lanes[i, 0, marking.ROBOT]
-    if marks.lanes[i, 0, marking.STATE] == marking.WAITING:
-        if marks.lanes[i, 0, marking.LENGTH] == step:
-            marks.lanes[i, 0, marking.STATE] = marking.ACTIVE
-            for v in range(tg.plan[memory.VOXELS]):
-                for c in range(memory.STICKS):
-                    u.a[voxels + p.voxel[v] + c * w] = marks.finals[robot, v, c]
-        else:
-            upcoming = marks.lanes[i, 0, marking.LENGTH]
-    if marks.lanes[i, 0, marking.STATE] == marking.ACTIVE:
-        e = marks.lanes[i, 0, marking.EVENT]
-        if step == 0:
-            marking.recall_start(ug, 0, marks.lanes[i, 0, marking.FIRST_EVENT], e, tg, marks)
-        due = 1
-        while due == 1:
-            due = 0
-            if e > marks.lanes[i, 0, marking.FIRST_EVENT]:
-                if marks.event[e - 1, 0] >= step:
-                    e -= 1
-                    due = 1
-                    if marks.event[e, 0] == step:
-                        if marks.event[e, 1] >= 0:
-                            marking.take_event(ug, 0, e, tg, marks)
-                        else:
-                            receive(b, robot, 0 - marks.event[e, 1] - 1, step, marks)
-                else:
-                    upcoming = marks.event[e - 1, 0]
-        marks.lanes[i, 0, marking.EVENT] = e
-    return upcoming
+    for v in range(tg.plan[memory.VOXELS]):
+        for c in range(memory.STICKS):
+            u.a[voxels + p.voxel[v] + c * w] = marks.finals[robot, v, c]
 
 
 @ti.func
@@ -380,7 +350,8 @@ def packed_reverse_kernel(real: Real, medium: Medium, serial: bool) -> Any:
                             Undo(memories.g2, h, log.group_column, rg, memories.ag2, row * channels, row * channels)
                         )
                         b = ti.static(Back(scalars, column, memories, log.scalar_states, i, t, tg, p))
-                        memories.upcoming[i] = meet_back(b, step, marks)
+                        way = ti.static(marking.Way(column, i, 0, tg, end_run, receive, b))
+                        memories.upcoming[i] = marking.meet_events_back(way, step, marks)
 
     i32, flat, table = ti.i32, real.scalars(1), real.scalars(2)
     both = (real.memory, flat)

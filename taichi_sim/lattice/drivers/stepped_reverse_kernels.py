@@ -6,15 +6,15 @@ atomically, so on a GPU the last digits of a gradient depend on their order.
 
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from taichi_sim.autodiff.lanes import Real, ints
 from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.bundling import kernel_of
-from taichi_sim.lattice.drivers.marks import ACTIVE, STATE, mark_types, meet_events_back
+from taichi_sim.lattice.drivers.marks import ACTIVE, STATE, Way, mark_types, meet_events_back, receive_sizes
 from taichi_sim.lattice.drivers.stepped_kernels import Has, Record, spread
 from taichi_sim.lattice.program import QUANTITY_COUNT
-from taichi_sim.lattice.stages import columns
+from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.columns import Medium, Shared, shared_types
 from taichi_sim.lattice.stages.contact import contact_adjoint
 from taichi_sim.lattice.stages.enclosure import square_adjoint
@@ -27,7 +27,7 @@ from taichi_sim.lattice.stages.groups import (
     rests_adjoint,
     state_adjoint,
 )
-from taichi_sim.lattice.stages.link import link_adjoint
+from taichi_sim.lattice.stages.link import link_adjoint, rest_slot
 from taichi_sim.lattice.stages.memory import GROUPS, LINKS, RESTS, SQUARES, STATE_SLOTS, VOXELS
 from taichi_sim.lattice.stages.undo import Undo
 from taichi_sim.lattice.stages.voxel import voxel_adjoint
@@ -114,6 +114,44 @@ def undo_rests(
             rests_adjoint(ti.static(step_of(memories, n, r, t)), t)
 
 
+class Column(NamedTuple):
+    """A robot's column in the memories: of one step, its lane, how many slots it has, and the tables."""
+
+    u: Any
+    lane: Any
+    slots: Any
+    t: Any
+
+
+@ti.func
+def end_run(own: ti.template(), robot, marks: ti.template()):
+    """Let a robot's cotangents be those of its last state."""
+    u, lane, t = ti.static((own.u, own.lane, own.t))
+    for slot in range(own.slots):
+        u.a[u.k + slot, lane] = 0.0
+    for v in range(t.plan[VOXELS]):
+        for c in range(memory.STICKS):
+            voxel = u.k + t.plan[memory.VOXEL] + v * memory.VOXEL_WIDTH
+            u.a[voxel + c, lane] = marks.finals[robot, v, c]
+
+
+@ti.func
+def receive(own: ti.template(), robot, snapshot, step, marks: ti.template()):
+    """Add the cotangents of a recorded pose, of the strains of its links and of its rest sizes."""
+    u, lane, t = ti.static((own.u, own.lane, own.t))
+    for v in range(t.plan[VOXELS]):
+        for c in range(7):
+            voxel = u.k + t.plan[memory.VOXEL] + v * memory.VOXEL_WIDTH
+            u.a[voxel + c, lane] += marks.poses[robot, snapshot, v, c]
+    if step > 0:  # what links remember at the start of a run is given
+        for l in range(t.plan[LINKS]):
+            rest = u.k + rest_slot(l, t) + 1
+            link = t.plan[memory.LINK] + l * memory.LINK_WIDTH
+            u.a[u.k + link, lane] += marks.strains[robot, snapshot, l] * u.m[rest, lane]
+            u.a[rest, lane] += marks.strains[robot, snapshot, l] * u.record[u.r + u.new + link, lane]
+    receive_sizes(u, lane, robot, snapshot, step, t, marks)
+
+
 @ti.func
 def meet(
     threads: ti.template(),
@@ -129,7 +167,8 @@ def meet(
         if r < memories.m.shape[1]:
             here = n * t.plan[STATE_SLOTS]
             u = ti.static(memories._replace(k=0, r=0, old=here, new=here))
-            meet_events_back(u, 0, r, step, slots, t, marks)
+            way = ti.static(Way(u, 0, r, t, end_run, receive, Column(u, r, slots, t)))
+            meet_events_back(way, step, marks)
 
 
 undo_voxels = for_every(VOXELS, undo_voxel)
