@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from robots.hardware.lines import BLADDERS
 from robots.inflatable.layout import EVERY_BLADDER, TOP_BLADDERS, Layout, checked_layout, layout_mask
-from robots.inflatable.materials import LEAST_SAFETY
+from robots.inflatable.materials import RegionMaterials
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import Positive, check_fields, whole_number
 from taichi_sim.lattice import LatticeBody, Material
@@ -39,6 +39,8 @@ FOOT_REGIONS = np.array([FOOT_1, FOOT_2])
 BLADDER_REGIONS = np.arange(FIRST_BLADDER, REGION_COUNT)
 Count = Annotated[int, partial(whole_number, low=1)]
 SKIN_NAMES = ("skin", "seam", "foot1", "foot2", "footseam")
+# Least ratio of the largest stable time step to that of the simulation; stiffer skin takes shorter ones.
+LEAST_SAFETY = 1.08
 LEAST_CORE_ROWS = 3  # a wall at either end, and a row between
 
 
@@ -205,6 +207,23 @@ class InflatableGeometry:
     def most_modulus(self) -> float:
         """Largest Young's modulus of the skin for which the time step is stable, with the least margin [Pa]."""
         return self.youngs_modulus * (self.time_step_safety / LEAST_SAFETY) ** 2
+
+    def check_materials(self, materials: RegionMaterials) -> None:
+        """Refuse materials of another number of regions, or a region too stiff for the time step.
+
+        Raises:
+            ValueError: that says which.
+        """
+        count = self.region_count
+        for name, row in (("modulus", materials.modulus), ("size", materials.size and materials.size[0])):
+            if row is not None and len(row) != count:
+                raise ValueError(f"{name}: {len(row)} regions are not allowed; a body with this geometry has {count}")
+        moduli = materials.modulus
+        if moduli is not None and (most := self.most_modulus / self.youngs_modulus) < max(moduli):
+            raise ValueError(
+                f"modulus: {max(moduli):g} is not allowed with this geometry, whose time step is too long for it; at "
+                f"most {most:.3g}"
+            )
 
     def relative_time_step(self, modulus: float) -> float:
         """Return the largest stable time step for skin of another modulus [Pa], relative to that of this skin.

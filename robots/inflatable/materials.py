@@ -7,22 +7,16 @@ neighbours expect.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number
 
-if TYPE_CHECKING:
-    from robots.inflatable.body import InflatableGeometry
-
 LEAST_MODULUS, MOST_MODULUS = 0.5, 1.4  # of that of the geometry
 LEAST_SIZE, MOST_SIZE = 0.85, 1.15  # of the rest size of the geometry, across and along the pouch
 MOST_FRICTION = 4.0
-LEAST_SAFETY = (
-    1.08  # least ratio of the largest stable time step to that of the simulation; stiffer skin takes shorter ones
-)
 
 Row = tuple[float, ...]
 
@@ -80,22 +74,6 @@ class RegionMaterials:
             named = "they" if not isinstance(record, dict) else repr(unknown[0])
             raise ValueError(f"materials: {named} cannot be read; they are friction, modulus and size")
         return cls(**record)
-
-    def check(self, geometry: "InflatableGeometry") -> None:
-        """Refuse a geometry with another number of regions, or with a time step too long for the stiffest region.
-
-        Raises:
-            ValueError: that says which.
-        """
-        count = geometry.region_count
-        for name, row in (("modulus", self.modulus), ("size", self.size and self.size[0])):
-            if row is not None and len(row) != count:
-                raise ValueError(f"{name}: {len(row)} regions are not allowed; a body with this geometry has {count}")
-        if self.modulus is not None and (most := (geometry.time_step_safety / LEAST_SAFETY) ** 2) < max(self.modulus):
-            raise ValueError(
-                f"modulus: {max(self.modulus):g} is not allowed with this geometry, whose time step is too long for "
-                f"it; at most {most:.3g}"
-            )
 
 
 def _rows(field: str, given: Any, low: float, high: float, count: int) -> Floats:

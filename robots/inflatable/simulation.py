@@ -153,7 +153,7 @@ def check_body(design: InflatableDesign, geometry: InflatableGeometry) -> None:
         allowed = f"give one row, or {geometry.cores}, one a core"
         raise ValueError(f"core_pressure: {len(after)} rows are not allowed; {allowed}")
     if design.materials is not None:
-        design.materials.check(geometry)
+        geometry.check_materials(design.materials)
     if design.bladders is None:
         design.check_layout(geometry.bladders)
 
