@@ -109,6 +109,7 @@ LATER_MEASURES = ("jump", "turning", "energy", "mass", "payload")  # of lattice 
 
 
 @case("gradients/lattice-robot", quick=True)
+@places.pulled_aside_by_rounding()
 def of_lattice_robot() -> Arrays:
     """An inchworm of an array, at three points."""
     problem = places.LatticeRobotProblem(inchworm(), precision="f64", threads=1)

@@ -103,6 +103,7 @@ def walkers() -> Arrays:
 
 
 @case("soft/walker-problem")
+@places.pulled_aside_by_rounding()
 def walker_problem() -> Arrays:
     """Bodies of genes at random, by either encoding; some are no robots."""
     found: Arrays = {}

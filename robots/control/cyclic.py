@@ -89,7 +89,8 @@ def surroundings(terrains: Sequence[Terrain], heading: float) -> dict[int, Float
 def without_rounding(around: Mapping[int, Floats]) -> dict[int, Floats]:
     """What is around robots, without parts of their weight that are 0 but for rounding.
 
-    A voxel with a Poisson's ratio and one link along an axis is squeezed if anything at all pulls it along this axis.
+    Anything at all that pulls sideways frees feet that carry nothing yet, which then creep by what friction turns back
+    in each step; and it squeezes a voxel with a Poisson's ratio and one link along that axis.
     """
     pulls = range(Quantity.ACCELERATION, Quantity.ACCELERATION + 3)
     return {what: np.where(abs(part) < ROUNDING, 0.0, part) if what in pulls else part for what, part in around.items()}

@@ -178,9 +178,7 @@ class Rollout:
         self._swing, self._record_every = swing, record_every
         first = self.bodies[0]
         terrains = one_each(terrain, len(self.bodies))
-        around = surroundings(terrains, aim.heading)
-        if any(material.poissons_ratio for body in self.bodies for material in body.materials):
-            around = without_rounding(around)
+        around = without_rounding(surroundings(terrains, aim.heading))
         pulls = [np.broadcast_to(around[Quantity.ACCELERATION + axis], len(self.bodies)) for axis in range(3)]
         self._pulled = np.stack(pulls, axis=1) != 0
         self.program = build_cyclic_program(

@@ -27,7 +27,7 @@ class Quantity(IntEnum):
     ACCELERATION = 8  # [m/s^2] x y z, world frame: weight per mass
     FORCE = 11  # [N] x y z on every voxel, world frame
     MOMENT = 14  # [N m] x y z on every voxel, world frame
-    TRANSLATION = 17  # [m] x y z, displacement of fixed translations from the start
+    TRANSLATION = 17  # [m] x y z, displacement of fixed translations from the start; contacts feel no velocity of it
     ROTATION = 20  # [rad] rotation vector x y z of fixed rotations
     RESISTANCE = 23  # [kg/m^3] half a fluid's density times its coefficients of pressure drag and of friction
 

@@ -50,6 +50,19 @@ def test_a_hop_between_the_nodes_of_a_cycle_counts(frequency):
     assert found.measures["jump"][0] >= heights[:: robot.cycle.segment].max()
 
 
+@pytest.mark.kernels
+@pytest.mark.parametrize("heading", [0.0, 30.0])
+@pytest.mark.parametrize("shape", [(1, 1, 1), (3, 3, 2)])
+def test_a_robot_that_does_nothing_stays_where_it_is(shape, heading):
+    """Feet that carry nothing yet do not creep, as they would if rounding pulled the robot aside."""
+    soft = dataclasses.replace(RUBBER, youngs_modulus=1e4)
+    body = LatticeBody(np.argwhere(np.ones(shape)), (soft,), np.zeros(np.prod(shape), int), EDGE)
+    robot = LatticeRobot(body, (Drive("still", (0,), amplitude=0.0),), frequency=2.0, cycles=1, heading=heading)
+    found = robot.simulate(np.zeros((1, 0)), Terrain(), record_every=50)
+    places = found.frames["positions"][..., :2]
+    assert np.ptp(places.mean(axis=-2), axis=0).max() < 1e-12
+
+
 @pytest.mark.parametrize("degrees", [-170.0, -20.0, 0.0, 35.0])
 def test_turning_is_the_angle_of_a_rigid_motion(degrees):
     constants, record = recorded(density=[1e3, 2e3, 1e3])
