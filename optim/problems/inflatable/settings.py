@@ -185,7 +185,7 @@ class GaitSettings(RobotDesigning):
         if BLADDERS_PART in self.more and self.bladders is not None:
             raise ValueError(f"bladders: {told_layout(self.bladders)} would fix what is free; give one of both")
         if "modulus" in self.more:
-            RegionMaterials(modulus=(MOST_MODULUS,) * self.body.region_count).check(self.body)
+            self.body.check_materials(RegionMaterials(modulus=(MOST_MODULUS,) * self.body.region_count))
 
     def _check_risk(self) -> None:
         """Refuse draws and risk that contradict the rest."""
