@@ -27,7 +27,7 @@ MOST_ROWS = 12  # of a table in a notebook
 POSES = 100  # recorded of a single design, so that its picture costs no second run
 DOTS_PER_INCH = 110
 SMALL_CHANGE = 0.01  # of a parameter's range
-MANY_TIMES = 10.0  # a measure's size, by which such a change hardly changes it
+MANY_TIMES = 3.0  # what such a change does to a measure: a derivative that promises as much is worth a warning
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -304,7 +304,7 @@ def differentiate(
 def _chaos_in(found: Trials) -> Iterator[str]:
     """Measures that a small change of a parameter hardly changes, of what their derivatives say.
 
-    Tried is only a change that would be many times the measure's size, of a design in the middle of all: some lie
+    Tried is only a change that would be larger than the measure itself, of a design in the middle of all: some lie
     beside a switch.
     """
     parameters = found.robot.parameters
@@ -316,7 +316,7 @@ def _chaos_in(found: Trials) -> Iterator[str]:
             continue
         column = int(np.median(told[usable], axis=0).argmax())
         middle = usable[np.argsort(told[usable, column])[len(usable) // 2]]
-        if told[middle, column] <= MANY_TIMES * size.max(initial=0.0, where=np.isfinite(size)):
+        if told[middle, column] <= size.max(initial=0.0, where=np.isfinite(size)):
             continue
         of, ends = parameters[column], found.points[[middle, middle]]
         ends[:, column] = np.clip(ends[:, column] + [reach[column], -reach[column]], of.low, of.high)

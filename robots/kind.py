@@ -64,7 +64,7 @@ class RobotKind(ABC):
         world_hint: help text of that option.
         ground_options: names of further ``world_options``, which hold for all worlds of a command.
         search_precision: default precision of numbers in searches, ``"f32"`` or ``"f64"``.
-        view_precision: default precision of numbers in views.
+        quick_precision: default precision of numbers where answers must come quickly, as in the explorer.
         fading_gradients: whether gradients can have a horizon, see ``robots.trial.Trial``.
         explored: what is worth moving when a robot is explored, by names of ``options`` and ``world_options``: a pair,
             lowest and highest, or a list.
@@ -82,7 +82,7 @@ class RobotKind(ABC):
     world_hint: str = "where it is tried (default: the kind's own)"
     ground_options: tuple[str, ...] = ()
     search_precision: str = "f64"
-    view_precision: str = "f64"
+    quick_precision: str = "f64"
     fading_gradients: bool = False
     explored: Choices = MappingProxyType({})
     instead: Mapping[str, str] = MappingProxyType({})

@@ -20,7 +20,7 @@ class TerrainKind(RobotKind):
         "robots that feel it, flat+light:X,Y, or a box, ball or wall, flat+box:LX,LY,LZ,X,Y[,Z]; uneven ground is "
         f"{described()}"
     )
-    view_precision = "f32"
+    quick_precision = "f32"
 
     @property
     def world_options(self) -> tuple[Option, ...]:

@@ -123,7 +123,7 @@ class Exploration:
         described = self._described(varying)
         self.controls = tuple(self._control(name, value, described) for name, value in varying.items())
         self.measures = tuple(choice("measures", name, [m.name for m in robot.measures]) for name in measures)
-        self.compute = Compute(precision=precision or kind.view_precision, threads=threads)
+        self.compute = Compute(precision=precision or kind.quick_precision, threads=threads)
         self.set_up(self.first)
 
     @property

@@ -103,13 +103,26 @@ def robot_of_run(
     """
     from optim.runs.config import check_ground_files
 
-    kind_of_run(history.path, history.config)
-    problem: Any = problem_of_run(history.path, history.config)
-    if history.config["problem"].get("kind") == FILE:
-        problem = problem.designed
+    problem = _problem_of_robots(history)
     if not elsewhere:
         check_ground_files(history.config, problem.ground_files, history.path)
     return problem.robot_of(kept_point(history, problem, member)), problem.tried_in
+
+
+def precision_of_run(history: "History") -> str:
+    """Return the precision in which a run has simulated its robots, ``"f32"`` or ``"f64"``.
+
+    Raises:
+        ValueError: if the run designs no robots.
+    """
+    return str(_problem_of_robots(history).precision)
+
+
+def _problem_of_robots(history: "History") -> Any:
+    """The problem of a run that designs robots."""
+    kind_of_run(history.path, history.config)
+    problem: Any = problem_of_run(history.path, history.config)
+    return problem.designed if history.config["problem"].get("kind") == FILE else problem
 
 
 def kept_point(history: "History", problem: Problem, member: int | None) -> Floats:

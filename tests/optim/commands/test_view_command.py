@@ -53,6 +53,17 @@ def test_of_a_run_in_several_worlds_it_says_which_it_shows(morpholab, tmp_path):
     assert "its run" not in morpholab("view vehicle --controller 1,1 --frames 9 --threads 1 --quiet --out c.html")[1]
 
 
+def test_a_run_is_seen_in_its_own_precision(morpholab, tmp_path):
+    """Its best robot may fall in another, where it did not when it was scored."""
+    search = "codesign --robot soft-quadruped --method random --climbers 1 --generations 1 --precision f64"
+    assert morpholab(f"{search} --threads 1 --quiet --out a")[0] == 0
+    pages = []
+    for precision in ("", "--precision f64", "--precision f32"):
+        assert morpholab(f"view a --frames 9 {precision} --threads 1 --quiet --out page{len(pages)}.html")[0] == 0
+        pages.append((tmp_path / f"page{len(pages)}.html").read_bytes())
+    assert pages[0] == pages[1] != pages[2]
+
+
 def test_a_folder_that_holds_no_run_hides_no_robot(morpholab, tmp_path):
     (tmp_path / "vehicle").mkdir()
     assert morpholab("view vehicle --frames 5 --out vehicle/page.html --threads 1 --quiet")[0] == 0
