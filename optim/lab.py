@@ -3,13 +3,14 @@
 import html
 import warnings
 from base64 import b64encode
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
+from optim.doubts import chaos_in, doubts_after
 from optim.interrupts import CTRL_C, EndedBySignals
 from optim.named import Designs, of_run, points_of, robot, run_in, world
 from optim.progress import Update, shown_progress
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 MOST_ROWS = 12  # of a table in a notebook
 POSES = 100  # recorded of a single design, so that its picture costs no second run
 DOTS_PER_INCH = 110
-SMALL_CHANGE = 0.01  # of a parameter's range
-MANY_TIMES = 3.0  # what such a change does to a measure: a derivative that promises as much is worth a warning
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -260,11 +259,11 @@ def simulate(
     """
     tried, points, place, compute = _given(source, designs, where, how)
     with EndedBySignals(CTRL_C), shown_progress(f"{tried.name} {place.where}".strip(), 1.0) as update:
-        if len(points) > 1 or (single := _recorded(tried, points, place, compute, update)) is None:
-            return Trials(
-                tried, points, place, tried.simulate(points, place, compute=compute, progress=update), compute
-            )
-    return Trials(tried, points, place, single.outcome, compute, {0: single})
+        single = None if len(points) > 1 else _recorded(tried, points, place, compute, update)
+        outcome = single.outcome if single else tried.simulate(points, place, compute=compute, progress=update)
+    for doubt in doubts_after(tried, place, outcome):
+        warnings.warn(doubt, stacklevel=2)
+    return Trials(tried, points, place, outcome, compute, {0: single} if single else {})
 
 
 def differentiate(
@@ -296,38 +295,9 @@ def differentiate(
             points, place, measures=measures, compute=compute, progress=update, gradient_horizon=gradient_horizon
         )
     found = Trials(tried, points, place, outcome, compute)
-    for doubt in _chaos_in(found):
+    for doubt in chaos_in(tried, points, place, outcome, compute):
         warnings.warn(doubt, stacklevel=2)
     return found
-
-
-def _chaos_in(found: Trials) -> Iterator[str]:
-    """Measures that a small change of a parameter hardly changes, of what their derivatives say.
-
-    Tried is only a change that would be larger than the measure itself, of a design in the middle of all: some lie
-    beside a switch.
-    """
-    parameters = found.robot.parameters
-    reach = SMALL_CHANGE * np.array([parameter.high - parameter.low for parameter in parameters])
-    for name, slopes in found.outcome.gradients.items():
-        size, told = np.abs(found[name]), np.abs(slopes) * reach
-        usable = np.flatnonzero(np.isfinite(size) & np.isfinite(told).all(axis=1))
-        if not (len(usable) and told.size):
-            continue
-        column = int(np.median(told[usable], axis=0).argmax())
-        middle = usable[np.argsort(told[usable, column])[len(usable) // 2]]
-        if told[middle, column] <= size.max(initial=0.0, where=np.isfinite(size)):
-            continue
-        of, ends = parameters[column], found.points[[middle, middle]]
-        ends[:, column] = np.clip(ends[:, column] + [reach[column], -reach[column]], of.low, of.high)
-        change = abs(slopes[middle, column]) * (ends[0, column] - ends[1, column])  # 0 for a design beyond the bounds
-        one, other = found.robot.simulate(ends, found.world, compute=found.compute).measures[name]
-        if change > MANY_TIMES * abs(one - other):
-            yield (
-                f"{name}: by its derivative, a small change of {of.name}, from {ends[1, column]:.4g} to "
-                f"{ends[0, column]:.4g}, would change it by {change:.2g}, and it changes by {abs(one - other):.2g}; "
-                "gradient-check measures what derivatives are worth here (docs/gradients.md)"
-            )
 
 
 def view(

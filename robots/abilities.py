@@ -112,6 +112,10 @@ class Abilities:
         """Settings that are allowed but likely mistakes, one line each that names the field."""
         return ()
 
+    def doubts_in(self, world: World) -> tuple[str, ...]:
+        """What is likely a mistake in a world, such as feet without friction on the ground, a line each."""
+        return ()
+
     def save_picture(self, world: World, path: Path) -> None:
         """Write a picture special to this kind, if ``pictured``, of a robot without free variables (PNG, SVG or PDF).
 

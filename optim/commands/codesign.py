@@ -12,10 +12,10 @@ from optim.commands import FAILED, Report, options
 from optim.commands.codesign_plan import SEARCH_BY_GRADIENTS, SEARCH_OPTIONS, Plan, check_said_once, named_kinds, plan
 from optim.commands.codesign_seeds import check_single, note_new, search_each
 from optim.commands.evaluation import WORKERS, opened_workers, settle_workers, with_options
-from optim.commands.far_ground import note_far_ground
 from optim.commands.options import QUIET, Command, flag, path_to
 from optim.commands.robots import TABLE_FILE
 from optim.commands.task_file import TASK, take_task
+from optim.doubts import doubts_before
 from optim.interrupts import stopped_by
 from optim.notes import note
 from optim.problem import Objective
@@ -91,7 +91,8 @@ def _run_one(args: argparse.Namespace) -> Report:
     if not args.seeds:  # of several, it is told once
         note_new(args)
     if not (args.quiet or args.resume):
-        note_far_ground(problem)
+        for doubt in doubts_before(problem):
+            note(doubt)
     where = {name: getattr(args, name) for name in ("threads", "workers", "ray") if getattr(args, name) is not None}
     numbers = {name: getattr(problem, name) for name in ("device", "precision") if hasattr(problem, name)}
     config = planned.config()

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from optim.commands import FAILED, Report, options
-from optim.commands.far_ground import note_unmet_ground
 from optim.commands.options import Command, Option, count, file_text, flag, path_to
 from optim.commands.robots import TABLE_FILE, kinds_of_robot, world_and_own
+from optim.doubts import doubts_after
+from optim.notes import note
 from optim.progress import shown_progress
 from robots.robot import KINDS, OK, Outcome, Robot, World, find_robot_doing, robot_to_try
 from taichi_sim.base.checks import whole_number
@@ -130,7 +131,8 @@ def _report(
     """What the command says, and the files that it writes."""
     ok = outcome.status[0] == OK
     if not args.quiet:
-        note_unmet_ground(robot, world, outcome)
+        for doubt in doubts_after(robot, world, outcome):
+            note(doubt)
     numbers = {name: float(values[0]) for name, values in outcome.measures.items()}
     document = {
         **about,

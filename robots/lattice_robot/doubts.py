@@ -8,6 +8,7 @@ import numpy as np
 from robots.lattice_robot.drive import Free
 from robots.lattice_robot.faults import SMALLEST as SMALLEST_SIZE
 from robots.lattice_robot.reach import reached_sizes
+from robots.world import Terrain
 
 if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
@@ -22,6 +23,17 @@ MANY_CYCLES = 10.0  # phases grow along a body that waves travel through, but ha
 def doubts_of(robot: "LatticeRobot") -> tuple[str, ...]:
     """Likely mistakes of a robot, one line each that names the field and its unit."""
     return (*_of_size(robot), *_of_parts(robot), *_of_materials(robot), *_of_phases(robot), *_of_reach(robot))
+
+
+def doubts_on(robot: "LatticeRobot", terrain: Terrain) -> tuple[str, ...]:
+    """Likely mistakes of a robot on a terrain, one line each: feet that nothing holds."""
+    used = [robot.body.materials[n] for n in np.unique(np.asarray(robot.body.material_index))]
+    driven = any(drive.quantity == "friction" for drive in robot.drives)
+    slippery = not (driven or any(material.static_friction for material in used)) and not terrain.is_wet
+    if not slippery or terrain.static_friction is not None or terrain.high_friction is not None:
+        return ()
+    told = f"no material of {robot.name} has any, so it slides as on ice"
+    return (f"static_friction: {told}; give materials static_friction=1.0, kinetic_friction=0.8, or --ground-friction",)
 
 
 def _of_size(robot: "LatticeRobot") -> Iterator[str]:

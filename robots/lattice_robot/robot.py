@@ -14,7 +14,7 @@ from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY, Cycle
 from robots.lattice_robot import reach
 from robots.lattice_robot.description import description_of
 from robots.lattice_robot.design_space import DesignSpace
-from robots.lattice_robot.doubts import doubts_of
+from robots.lattice_robot.doubts import doubts_of, doubts_on
 from robots.lattice_robot.drive import Drive, Free, check_drives
 from robots.lattice_robot.faults import caution_of, fault_of
 from robots.lattice_robot.formats import ROBOT_FORMAT
@@ -316,6 +316,10 @@ class LatticeRobot(OutOfTheLab):
     def doubts(self) -> tuple[str, ...]:
         """Settings that are allowed but likely mistakes, such as phases in degrees, a line each."""
         return doubts_of(self)
+
+    def doubts_in(self, world: World) -> tuple[str, ...]:
+        """What is likely a mistake in a world: materials without friction on dry ground."""
+        return doubts_on(self, terrain_of(world))
 
     def fault(self, point: ArrayLike) -> str:
         """Explain why a point, shape (P,), is not a valid robot; empty if it is one."""

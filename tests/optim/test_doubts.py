@@ -1,21 +1,25 @@
-"""Notes on ground whose uneven part a robot hardly reaches."""
+"""What of a trial is allowed but likely a mistake: ground that is never met, and feet without friction."""
 
 import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from optim.commands.far_ground import note_far_ground
+import morpholab as ml
+from optim.doubts import doubts_before
 from optim.problems.inflatable.problem import GaitProblem
 from robots.freeform import FreeformRobot
 from robots.freeform.grid import Grid
 from robots.ground import Ground
+from robots.lattice_robot import Drive, LatticeRobot
 from robots.lattice_robot.presets import soft_quadruped
 from robots.lattice_robot.walker_robot import WalkerRobot
 from robots.world import Terrain
+from taichi_sim.lattice import LatticeBody, Material
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 ROBOT = "--robot freeform --shape 4,3,2 --full --cycles 1 --frequency 12 --settling 0.02 --threads 1"
 SEARCH = f"codesign {ROBOT} --method random --climbers 2 --generations 0"
 WALKER = f"simulate --robot {ROOT}/examples/voxel_walker.vxa --terrain"
@@ -57,15 +61,31 @@ def test_robots_know_where_they_begin_and_end():
 
 
 @pytest.mark.parametrize("geometry", ["published", "small"])
-def test_inflatable_robots_reach_what_begins_ahead(capsys, geometry):
-    note_far_ground(GaitProblem((Terrain.parse("ramp:5"),), geometry=geometry))
-    assert capsys.readouterr().err == ""
-    note_far_ground(GaitProblem((Terrain.parse("ramp:5,1"),), geometry=geometry))
-    assert "ramp:5,1 is level up to 1 m" in capsys.readouterr().err
+def test_inflatable_robots_reach_what_begins_ahead(geometry):
+    assert not list(doubts_before(GaitProblem((Terrain.parse("ramp:5"),), geometry=geometry)))
+    (far,) = doubts_before(GaitProblem((Terrain.parse("ramp:5,1"),), geometry=geometry))
+    assert "ramp:5,1 is level up to 1 m" in far
 
 
-def test_ground_that_begins_where_none_is_made_is_told(capsys):
-    note_far_ground(GaitProblem((Terrain.parse("stairs:0.01,0.1,6"),), geometry="small"))
-    told = "terrain: stairs:0.01,0.1,6 is level as far as ground is made, 4 m ahead; give its START, such as stairs:0"
-    assert told in capsys.readouterr().err
+def test_ground_that_begins_where_none_is_made_is_told():
+    (far,) = doubts_before(GaitProblem((Terrain.parse("stairs:0.01,0.1,6"),), geometry="small"))
+    assert "stairs:0.01,0.1,6 is level as far as ground is made, 4 m ahead; give its START, such as stairs:0" in far
+
+
+@pytest.mark.kernels
+def test_the_lab_warns_of_ground_that_a_robot_has_not_met():
+    with pytest.warns(UserWarning, match=r"^terrain: stairs:0.01,0.1 is level up to 0.3 m .*this one went 0.0476 m"):
+        ml.simulate(ROOT / "examples/voxel_walker.vxa", where="stairs:0.01,0.1", threads=1)
+
+
+@pytest.mark.kernels
+def test_feet_without_friction_are_told_on_dry_ground():
+    body = LatticeBody(np.argwhere(np.ones((2, 1, 1))), (Material(1e5, 1e3),), np.zeros(2, int), 0.01)
+    robot = LatticeRobot(body, (Drive("all", (0,), amplitude=0.1),), frequency=10.0, cycles=1, settling=0.02)
+    with pytest.warns(UserWarning, match=r"^static_friction: no material of robot has any, so it slides as on"):
+        ml.simulate(robot, threads=1)
+    for place in (Terrain.water(), Terrain(static_friction=1.0, kinetic_friction=0.8)):
+        assert not robot.doubts_in(place)
+    driven = replace(robot, drives=(*robot.drives, Drive("feet", (0,), "friction", amplitude=0.1, mean=0.5)))
+    assert not driven.doubts_in(Terrain())
     assert Ground("stairs:0.01,0.1").level_until(4.5, 5.0) == math.inf
