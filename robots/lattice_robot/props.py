@@ -100,13 +100,52 @@ class Placed:
             raised[rows, 2] += base if lifted or group == 0 else relief.rise(centres[rows], edge)
         return raised
 
-    def check_above(self, props: Sequence[Prop], relief: Relief) -> None:
+    def check_start(self, props: Sequence[Prop], relief: Relief | None) -> None:
+        """Refuse props that start inside uneven ground, or nearer to other bodies than where they would touch.
+
+        Raises:
+            ValueError: names the first such prop, and what is allowed.
+        """
+        level = self.body.start_positions + self.shift
+        if relief is not None:
+            self._check_above(props, level, relief)
+        standing = level if relief is None else self.standing(level, relief)
+        firsts = np.flatnonzero(np.diff(self.groups)) + 1
+        on_level, on_ground = np.split(level, firsts), np.split(standing, firsts)
+        for group in range(1, len(on_level)):
+            for other in range(group):
+                # The world holds walls, so none throws another one that the ground has raised into it.
+                bodies = on_level if self.held[group] and self.held[other] else on_ground
+                self._check_apart(props, bodies, (group, other), relief is not None)
+
+    def _check_apart(
+        self, props: Sequence[Prop], bodies: Sequence[Floats], pair: tuple[int, int], uneven: bool
+    ) -> None:
+        """Refuse a pair of bodies, the later one first, if voxels start nearer to each other than where they touch.
+
+        Raises:
+            ValueError: names the prop of the two whose height can change, or the later one, and what is allowed.
+        """
+        edge, (group, other) = self.body.voxel_size, pair
+        least = TOUCH * edge
+        nearest = _nearest(bodies[group], bodies[other], least)
+        if nearest >= least * (1 - 1e-9) - (SUNK * edge if uneven else 0.0):
+            return
+        named = other if self.lifted[other] and not self.lifted[group] else group
+        prop, beside = props[named - 1], "another prop" if other else "the robot"
+        told = f"prop: {prop.name} is not allowed {nearest:.3g} m from {beside} (between centres of voxels"
+        if not uneven or prop.z is None:
+            raise ValueError(f"{told}{', on their ground' if uneven else ''}); give at least {least:.3g} m")
+        others = np.concatenate([body for number, body in enumerate(bodies[: group + 1]) if number != named])
+        height = math.ceil((prop.z + _rise_above(bodies[named], others, least)) * 1e4) / 1e4
+        raise ValueError(f"{told}, on their ground); give a Z of at least {height:.4f} m, or another X and Y")
+
+    def _check_above(self, props: Sequence[Prop], starts: Floats, relief: Relief) -> None:
         """Refuse loose props that start inside uneven ground, which would throw them out.
 
         Raises:
             ValueError: names the height of the first such prop, and the least that is allowed.
         """
-        starts = self.body.start_positions + self.shift
         base, edge = relief.rise(starts[self.of(0)], self.body.voxel_size), self.body.voxel_size
         for group, prop in enumerate(props, start=1):
             if prop.z is None or prop.held:
@@ -120,7 +159,13 @@ class Placed:
                 )
 
 
-def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction: Mapping[str, float]) -> Placed:
+def placed(
+    robot: LatticeBody,
+    props: Sequence[Prop],
+    heading: Floats,
+    friction: Mapping[str, float],
+    relief: Relief | None = None,
+) -> Placed:
     """The lattice of a robot and props.
 
     Args:
@@ -128,9 +173,11 @@ def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction:
         props: beside it.
         heading: its direction of travel, shape (3,).
         friction: that the terrain gives to all materials, by the names of their fields.
+        relief: uneven ground that all will stand on; None is level.
 
     Raises:
-        ValueError: for bodies that overlap at the start, and props too light or too heavy to touch each other.
+        ValueError: for bodies that overlap at the start, props that start inside the ground, and those too light or too
+            heavy to touch each other.
     """
     check_weights([robot.materials[number] for number in np.unique(robot.material_index)], props, robot.voxel_size)
     edge, middle = robot.voxel_size, robot.start_positions.mean(axis=0)
@@ -150,7 +197,6 @@ def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction:
         fixed.append(np.full((len(cells), 6), prop.held))
         starts.append(place + centred)
         groups.append(np.full(len(cells), number))
-        _check_apart(prop, starts, edge)
     whole = {"voxels": voxels, "material_index": indices, "regions": regions, "fixed": fixed}
     more = robot.voxel_count, sum(len(each) for each in voxels[1:])
     normals, chambers = np.asarray(robot.pressure_normals), np.asarray(robot.chambers)
@@ -160,7 +206,9 @@ def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction:
     body = dataclasses.replace(robot, materials=tuple(materials), **fields)
     shift = np.concatenate(starts) - body.start_positions
     lifted, held = (prop.z is not None for prop in props), (prop.held for prop in props)
-    return Placed(robot, body, shift, np.concatenate(groups), (False, *lifted), (False, *held))
+    found = Placed(robot, body, shift, np.concatenate(groups), (False, *lifted), (False, *held))
+    found.check_start(props, relief)
+    return found
 
 
 def _turned(cells: Ints, heading: Floats) -> Ints:
@@ -251,15 +299,27 @@ def _contact_step(
     return min(found)
 
 
-def _check_apart(prop: Prop, starts: Sequence[Floats], edge: float) -> None:
-    """Refuse a prop whose voxels begin nearer to others than where they would touch."""
+def _nearest(one: Floats, other: Floats, least: float) -> float:
+    """Distance between the nearest voxels of two bodies, by their centres [m]; infinity far above a least."""
     from scipy.spatial import cKDTree
 
-    for number, other in enumerate(starts[:-1]):
-        nearest = float(cKDTree(other).query(starts[-1])[0].min())
-        if nearest < TOUCH * edge * (1 - 1e-9):
-            beside = "the robot" if number == 0 else "another prop"
-            raise ValueError(
-                f"prop: {prop.name} is not allowed {nearest:.3g} m from {beside} (between centres of voxels); give at "
-                f"least {TOUCH * edge:.3g} m"
-            )
+    low = np.maximum(one.min(axis=0), other.min(axis=0)) - least
+    high = np.minimum(one.max(axis=0), other.max(axis=0)) + least
+    near = [each[((each >= low) & (each <= high)).all(axis=1)] for each in (one, other)]
+    return float(cKDTree(near[0]).query(near[1])[0].min()) if len(near[0]) and len(near[1]) else math.inf
+
+
+def _rise_above(body: Floats, others: Floats, least: float) -> float:
+    """How far a body must rise so that, there and higher, no voxel is nearer to one of others than a least [m]."""
+    from scipy.spatial import cKDTree
+
+    columns = [np.unique(each[:, :2], axis=0, return_inverse=True) for each in (body, others)]
+    bottoms, tops = (
+        np.full(len(places), filled) for (places, _), filled in zip(columns, (np.inf, -np.inf), strict=True)
+    )
+    np.minimum.at(bottoms, columns[0][1].ravel(), body[:, 2])
+    np.maximum.at(tops, columns[1][1].ravel(), others[:, 2])
+    trees = [cKDTree(places) for places, _ in columns]
+    beside = trees[0].sparse_distance_matrix(trees[1], least, output_type="coo_matrix")
+    rises = tops[beside.col] + np.sqrt(least**2 - beside.data**2) - bottoms[beside.row]
+    return float(rises.max(initial=0.0))

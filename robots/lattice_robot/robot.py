@@ -298,9 +298,8 @@ class LatticeRobot(OutOfTheLab):
         if light is not None and self.target is None:
             changed["target"] = light
         if terrain.props and self.placed is None:
-            among = placed(changed.get("body", self.body), terrain.props, self.direction, friction)
-            if terrain.uneven is not None and any(prop.z is not None for prop in terrain.props):
-                among.check_above(terrain.props, terrain.uneven.relief(self.heading, self.body.voxel_size))
+            relief = None if terrain.uneven is None else terrain.uneven.relief(self.heading, self.body.voxel_size)
+            among = placed(changed.get("body", self.body), terrain.props, self.direction, friction, relief)
             changed |= {"body": among.body, "placed": among, "reference_length": self.length}
         return dataclasses.replace(self, **changed) if changed else self
 

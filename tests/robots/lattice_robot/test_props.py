@@ -199,6 +199,57 @@ def test_a_prop_that_starts_as_low_as_is_allowed_is_not_thrown():
     assert simulate(crawler(), None, on(box, ground=SLOPE)).measures["prop_height"][0] < 0.21  # it slides down
 
 
+BOX = "box:0.03,0.03,0.02,0.08,0"
+
+
+@pytest.mark.parametrize(
+    ("ground", "props", "named", "least"),
+    [
+        ("stairs:0.02,0.2,0.07", (BOX, f"{BOX},0.0225"), "box:.*0.0225 .* another prop", 0.0425),
+        ("stairs:0.02,0.2,0.07", (f"{BOX},0.0225", BOX), "box:.*0.0225 .* another prop", 0.0425),
+        ("stairs:0.02,0.2,0.07", (BOX, "ball:0.03,0.08,0,0.03"), "ball:.* another prop", 0.0425),
+        ("ramp:20,0.02", (f"wall{BOX[3:]}", f"{BOX},0.03"), "box:.* another prop", 0.0457),
+        ("ramp:20,0.02", (f"{BOX},ground", f"wall{BOX[3:]},0.03"), "wall:.* another prop", 0.0457),
+        ("rough:0.03,0.05,5", (BOX, f"{BOX},0.0325"), "box:.* another prop", 0.0336),
+        ("rough:0.01", ("box:0.02,0.02,0.02,0,0,0.005",), "box:.* the robot", 0.0117),
+    ],
+)
+def test_props_that_overlap_once_they_stand_on_uneven_ground_are_refused(ground, props, named, least):
+    """Those with a height rise as the robot does, others as their own ground: they were thrown up to 0.6 m high."""
+    with pytest.raises(
+        ValueError, match=rf"^prop: {named} .* on their ground\); give a Z of at least .* X and Y$"
+    ) as told:
+        crawler().on(on(*props, ground=ground))
+    found = float(str(told.value).split("at least ")[1].split()[0])
+    assert found == least
+    names = [Prop.parse(each) for each in props]
+    lower, higher = (
+        [prop if prop.z is None else dataclasses.replace(prop, z=found - under) for prop in names]
+        for under in (3e-4, 0.0)
+    )
+    crawler().on(Terrain(props=higher, ground=ground))
+    with pytest.raises(ValueError, match=named.replace("0.0225", "")):
+        crawler().on(Terrain(props=lower, ground=ground))
+
+
+@pytest.mark.parametrize(
+    ("ground", "props"),
+    [
+        ("stairs:0.02,0.2,0.07", (f"wall{BOX[3:]}", f"wall{BOX[3:]},0.0225")),  # nothing moves them
+        ("ramp:-20,0.02", (BOX, f"{BOX},0.01")),  # the ground falls away below the other one
+        ("rough:0.01", (BOX, "box:0.03,0.03,0.02,0.1125,0", "box:0.02,0.02,0.02,0,0,0.0125")),
+    ],
+)
+def test_props_that_stand_apart_on_uneven_ground_are_allowed(ground, props):
+    assert crawler().on(on(*props, ground=ground)).placed is not None
+
+
+@pytest.mark.kernels
+def test_a_prop_that_starts_just_above_another_one_on_uneven_ground_is_not_thrown():
+    world = on(f"{BOX},0.0425", BOX, ground="stairs:0.02,0.2,0.07")
+    assert simulate(crawler(), None, world).measures["prop_height"][0] < 0.06
+
+
 @pytest.mark.kernels
 @pytest.mark.parametrize(
     ("ground", "sense"), [pytest.param(None, False, marks=pytest.mark.slow), ("rough:0.004,0.03", True)]
