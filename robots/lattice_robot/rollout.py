@@ -17,6 +17,7 @@ from robots.control.cyclic import (
     without_rounding,
 )
 from robots.frames import Frames
+from robots.lattice_robot.held import held_up
 from robots.lattice_robot.measures import Constants, Record, measure
 from robots.lattice_robot.props import Placed
 from robots.lattice_robot.reflexes import Feeling, ReflexLoop
@@ -207,13 +208,11 @@ class Rollout:
         self.start = self._standing(level, medium)
         if starts is not None or self.reliefs is not None:
             self.engine.set_positions(self.start)
-        if aim.placed is not None:
-            events = np.concatenate([aim.placed.holding(self.start), self.program.events])
-            self.program = replace(self.program, events=events)
+        raised = 0.0 if self.reliefs is None else self.start[:, :, 2] - level[:, :, 2]
+        self.program = replace(self.program, events=np.concatenate([*self._held(raised), self.program.events]))
         self._loop = None if channels.feeling is None else self._reflex_loop(channels.feeling)
         if self._loop is not None:
             self.program = self._loop.plan(self.program)
-        raised = 0.0 if self.reliefs is None else self.start[:, :, 2] - level[:, :, 2]
         self._constants = self._constants_of(driven, raised)
 
     def _standing(self, level: Floats, medium: Medium) -> Floats:
@@ -222,6 +221,12 @@ class Rollout:
         if placed is None or self.reliefs is None:
             return standing(level, medium, self.bodies[0].voxel_size)
         return np.array([placed.standing(each, relief) for each, relief in zip(level, self.reliefs, strict=True)])
+
+    def _held(self, raised: Floats | float) -> list[Any]:
+        """Events that hold what the world holds where it starts, voxels so much higher than on level ground [m]."""
+        placed, robot = self._aim.placed, self.bodies[0] if self._aim.placed is None else self._aim.placed.robot
+        up = [held_up(robot, raised[:, 0])] if isinstance(raised, np.ndarray) else []
+        return up if placed is None else [placed.holding(self.start), *up]
 
     def _reflex_loop(self, feeling: Feeling) -> ReflexLoop:
         """The loop that reads the senses and changes the cycle by what the reflexes answer."""

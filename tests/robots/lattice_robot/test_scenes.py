@@ -115,3 +115,47 @@ def test_recorded_worlds_share_a_batch_with_the_frames_of_one_after_the_other():
         alone = robot.run(robot.start[None], dataclasses.replace(trial, world=world))
         assert found.frames.keys() == alone.frames.keys() and found.frames
         assert all(np.array_equal(found.frames[name], alone.frames[name]) for name in found.frames)
+
+
+UNEVEN = "flat", "rough:0.03,0.05,3", "stairs:0.02,0.2,-0.05", "ramp:15,-0.1", "hill:5+rough:0.02,0.05"
+
+
+def clamped(reflexes=None) -> LatticeRobot:
+    """A crawler whose rear two voxels the world holds, in regions of voxels that it does not."""
+    robot = crawler(reflexes=reflexes)
+    fixed = np.repeat((robot.body.start_positions[:, 0] < 0.005)[:, None], 6, axis=1)
+    return dataclasses.replace(robot, body=dataclasses.replace(robot.body, fixed=fixed))
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("prop", ["", "+wall:0.02,0.02,0.02,0.1,0"])
+def test_held_voxels_are_held_where_uneven_ground_has_raised_them(prop):
+    """They sprang back to level ground, which tore robots; worlds of a batch have the bits of one after the other."""
+    robot, worlds = clamped(), [Terrain.parse(f"{name}{prop}") for name in UNEVEN]
+    trial = Trial(worlds[0], Compute(threads=1), record_every=20)
+    level, held = robot.body.start_positions, np.asarray(robot.body.fixed)[:, 0]
+    together = robot.run_in(robot.start[None], worlds, trial)
+    for world, found in zip(worlds, together, strict=True):
+        raised = 0.0 if world.uneven is None else world.uneven.relief(0.0, 0.01).rise(level, 0.01)
+        assert (raised > 0.004) == (world.uneven is not None)
+        alone = robot.run(robot.start[None], dataclasses.replace(trial, world=world))
+        assert all(np.array_equal(found.frames[name], alone.frames[name]) for name in found.frames)
+        places, start = found.result.frames[0].positions[:, 0, : len(level)], np.add(level, [0, 0, raised])
+        assert places[:, held] == pytest.approx(np.broadcast_to(start, places.shape)[:, held], abs=1e-12)
+        assert 1e-3 < np.abs(places - start)[:, ~held].max() < 0.012  # these move
+
+
+@pytest.mark.kernels
+def test_gradients_of_robots_that_are_held_on_uneven_ground_are_exact():
+    """Of one that feels, against central differences."""
+    robot, world = clamped(Reflexes(("strain", "touch"), gain=0.05)), Terrain.parse("rough:0.03,0.05,3")
+    generator = np.random.default_rng(1)
+    point = robot.start + np.where(np.arange(len(robot.start)) > 1, generator.normal(0.0, 0.1, len(robot.start)), 0.0)
+    found = robot.differentiate(point, world, measures=SLOPES[:1], compute=Compute(threads=1))
+    directions, exact = generator.normal(size=(4, len(point))), found.gradients["distance"][0]
+    errors = []
+    for step in (1e-6, 1e-7, 1e-8):
+        points = point + step * np.concatenate([directions, -directions])
+        plus, minus = np.split(robot.simulate(points, world, compute=Compute(threads=1)).measures["distance"], 2)
+        errors.append(np.abs((plus - minus) / (2 * step) - directions @ exact) / np.abs(directions @ exact).max())
+    assert np.min(errors, axis=0).max() < 1e-5
