@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from optim.problems.robot import RobotProblem as RobotProblem
     from optim.runs import open_run as open_run
     from optim.runs import run_search as run_search
+    from optim.runs.evaluations import evaluations as evaluations
     from optim.search import METHODS as METHODS
     from optim.search import build_method as build_method
     from optim.space import Space as Space

@@ -39,6 +39,7 @@ COMMAND = Command(
     (
         path_to("out", "DIR", "folder of the run", required=True),
         flag("resume", "continue the run in the folder, with its settings"),
+        flag("evaluations", "also keep every design that is evaluated, with its scores, in evaluations.jsonl"),
         TASK,
         QUIET,
         options.robot("its options are those of the kind"),
@@ -139,7 +140,7 @@ def _search(planned: Plan, method: Any, folder: "RunFolder", args: argparse.Name
 
         problem = with_options(planned.problem, progress=part_done)
         with opened_workers(problem, folder, args) as evaluate:
-            return run_search(problem, method, folder, planned.generations, show, evaluate)
+            return run_search(problem, method, folder, planned.generations, show, evaluate, args.evaluations)
 
 
 def _write_best(problem: "Problem", last: "Generation", folder: "RunFolder") -> list[str]:

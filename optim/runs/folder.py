@@ -5,6 +5,7 @@
 ``environment.json``        versions, machine, command line
 ``log.jsonl``               one line per generation; the same bytes for the same settings
 ``timing.jsonl``            one line per generation: how long it took
+``evaluations.jsonl``       if asked for, every design with its scores, a line per generation
 ``checkpoint.npz``          state of the method after the last line of the log, with checksums
 ``checkpoint.previous.npz`` the checkpoint before
 ``best.json``               the best design so far
@@ -44,6 +45,7 @@ from optim.runs.config import (
     write_config,
 )
 from optim.runs.environment import differences
+from optim.runs.evaluations import EVALUATIONS
 from optim.runs.folder_lock import locked
 from taichi_sim.base import files, line_files
 from taichi_sim.base.disk_faults import unwritten
@@ -245,7 +247,7 @@ def _check_plain(path: Path) -> None:
     Raises:
         ValueError: for the first that is not; names the file.
     """
-    for name in (ENVIRONMENT, LOG, TIMING):
+    for name in (ENVIRONMENT, LOG, TIMING, EVALUATIONS):
         try:
             check_plain_file(path / name, None)
         except FileNotFoundError:

@@ -10,6 +10,7 @@ import numpy as np
 from optim.problem import Evaluate, Evaluation, Problem, Request, judge
 from optim.runs.checkpoint import restore
 from optim.runs.config import GROUND_FILES, check_ground_files, keep_ground_files
+from optim.runs.evaluations import EVALUATIONS, EvaluationLog
 from optim.runs.folder import RunFolder
 from optim.runs.generation import Generation, record
 from optim.runs.rehearsal import REHEARSED, Rehearsal
@@ -30,13 +31,14 @@ class FolderSearch:
         last: the last generation; None before the first.
     """
 
-    def __init__(self, problem: Problem, method: Method, folder: RunFolder) -> None:
+    def __init__(self, problem: Problem, method: Method, folder: RunFolder, keep_evaluations: bool = False) -> None:
         """Restore the search from the folder, if it has begun.
 
         Args:
             problem: the problem to solve.
             method: search method, built with the settings of the run and not yet used.
             folder: open run folder, to which the log, the checkpoints and ``best.json`` are written.
+            keep_evaluations: whether to keep every design that is evaluated; a run that does goes on with it.
 
         Raises:
             ValueError: if the problem has several objectives and the method takes a single one, or a file of the
@@ -57,6 +59,11 @@ class FolderSearch:
         if known is not None:
             restore(folder.path, method, known[0])
             _write_designs(problem, method.result(), folder)
+        self._evaluations: EvaluationLog | None = None
+        if keep_evaluations or (folder.path / EVALUATIONS).exists():
+            with folder.writing():
+                self._evaluations = EvaluationLog(folder.path, problem)
+                self._evaluations.keep(self.turns)
 
     @property
     def turns(self) -> int:
@@ -88,6 +95,9 @@ class FolderSearch:
         if self.turns >= REHEARSED:
             self._rehearsal = None  # its copies take as much memory as the method
         _write_designs(self.problem, result, self._folder)
+        if self._evaluations is not None:
+            with self._folder.writing():
+                self._evaluations.add(self.last.generation, request, evaluation)
         self._folder.commit(self.last.to_json(), state, time.perf_counter() - self._asked)
 
     def _check_ground(self) -> None:
@@ -103,6 +113,7 @@ def run_search(
     generations: int,
     progress: Callable[[Generation], None] | None = None,
     evaluate: Evaluate | None = None,
+    keep_evaluations: bool = False,
 ) -> Generation:
     """Run a search up to and including a generation, or continue it from where its run folder ends.
 
@@ -113,12 +124,13 @@ def run_search(
         generations: number of the last generation; the starts are generation 0.
         progress: called after every generation; when continuing, first with the last complete one.
         evaluate: evaluates the points of a generation; if None, the problem does so in this process.
+        keep_evaluations: whether to keep every design that is evaluated, for ``evaluations``.
 
     Returns:
         The last generation.
     """
     judged = evaluate or functools.partial(judge, problem)
-    search = FolderSearch(problem, method, folder)
+    search = FolderSearch(problem, method, folder, keep_evaluations)
     if search.last and progress:
         progress(search.last)
     while (last := search.last) is None or last.generation < generations:
