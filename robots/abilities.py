@@ -32,6 +32,11 @@ class Abilities:
         """
         raise ValueError(f"judge: {KINDS.of(self).title} has no such check; leave it out")
 
+    @property
+    def can_be_judged(self) -> bool:
+        """Whether :meth:`judge` tells how far this robot can be trusted."""
+        return type(self).judge is not Abilities.judge
+
     def table(self, **settings: Any) -> Any:
         """Gait table of a robot without free variables; ``settings`` are those of ``robots.hardware.gait_table``.
 

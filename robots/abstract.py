@@ -328,7 +328,7 @@ class FixedRobot(Robot):
     parameters = ()
     differentiable = False  # by parameters, of which there are none
     # What is told of a robot of which nothing is free, the robot itself could only tell of another design.
-    exportable, pictured = False, False
+    exportable, pictured, can_be_judged = False, False, False
     judge, table, rig_report, save_picture = Robot.judge, Robot.table, Robot.rig_report, Robot.save_picture
     # These lead to what is defined here.
     start, points, differentiate = Robot.start, Robot.points, Robot.differentiate

@@ -201,7 +201,18 @@ def _report(last: "Generation", folder: Path, written: list[str], planned: Plan)
     if without := _why_no_table(problem, last):
         document["no_table"] = without
         told.append(f"no {TABLE_FILE}: {without}")
+    told += _how_to_judge(problem, last, folder)
     return Report(document, "\n".join(told))
+
+
+def _how_to_judge(problem: "Problem", last: "Generation", folder: Path) -> list[str]:
+    """The command that tells how far the best design can be trusted, of robots that have such a check."""
+    from optim.problems.robot_designing import RobotDesigning
+
+    if last.best_point is None or not isinstance(problem, RobotDesigning):
+        return []
+    robot = problem.robot_of(problem.space.from_dict(last.best_point))
+    return [f"how far to trust it: morpholab simulate --robot {folder} --judge"] if robot.can_be_judged else []
 
 
 def _why_no_table(problem: "Problem", last: "Generation") -> str:
