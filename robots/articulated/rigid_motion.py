@@ -30,7 +30,7 @@ class RigidMotion:
         angles: angles of the hinges at the end, as the robot's file counts them [rad], shape (B, H).
         start_places: bodies' centres as the model has them [m], shape (N, 3).
         start_turns: bodies' orientations as the model has them, shape (N, 4).
-        masses: masses of the bodies [kg], shape (N,).
+        masses: masses of the bodies [kg], shape (N,); 0 of a base that stands for the world.
         bodies: names of the bodies.
         hinges: names of the bodies that the hinges carry.
         duration: duration of the trial [s].
@@ -56,10 +56,9 @@ class RigidMotion:
         places, turns = poses(tree, position, orientation, angles)
         start, still = np.array(tree.ordered[0][0].position, float), np.array([1.0, 0.0, 0.0, 0.0])
         begin = poses(tree, start, still, np.zeros(len(tree.hinges)))
-        masses = np.array([body.mass for body, _ in tree.ordered])
         time = robot.steps * robot.physics.time_step
         told = sealed(angles) + np.array([hinge.rest for hinge in tree.hinges])
-        return cls(places, turns, told, *begin, masses, *names, time, robot.direction)
+        return cls(places, turns, told, *begin, tree.masses, *names, time, robot.direction)
 
     def centres(self, places: Any) -> Any:
         """Compute centres of mass [m], shape (..., 3), from the bodies' places, shape (..., N, 3)."""

@@ -303,11 +303,10 @@ class ArticulatedRobot(Robot):
 
     def facts(self) -> Facts:
         """Rows for a report: body, drives and trial."""
-        tree, physics = self.model.tree, self.physics
-        mass = sum(body.mass for body in tree.bodies)
+        tree, masses, physics = self.model.tree, self.model.tree.masses, self.physics
         slip = "" if physics.slip is None else f", points that hold slip at {physics.slip:g} m/s for each newton"
         return [
-            ("Robot", f"{self.name}: {len(tree.bodies)} bodies on {len(tree.hinges)} hinges, {mass:.3g} kg"),
+            ("Robot", f"{self.name}: {(masses > 0).sum()} bodies on {len(tree.hinges)} hinges, {masses.sum():.3g} kg"),
             ("Driven", f"{', '.join(self.drives)}, by a {self.controller}"),
             *([("Reflexes", self.reflexes.spoken)] if self.reflexes else []),
             ("Trial", f"{self.duration:g} s; distance along {self.heading:g}°"),

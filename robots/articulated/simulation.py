@@ -289,15 +289,14 @@ def _parts(robot: "ArticulatedRobot", points: Floats) -> tuple[Floats, Floats, F
 
 def centres(tree: Tree, position: Floats, orientation: Floats, angles: Floats) -> Floats:
     """Centres of mass, (..., 3) [m], at poses as of ``taichi_sim.rigid.poses``."""
-    masses = np.array([body.mass for body, _ in tree.ordered])
+    masses = tree.masses
     return np.asarray(masses @ poses(tree, position, orientation, angles)[0] / masses.sum())
 
 
 def centre_slopes(tree: Tree, result: RigidResult, direction: Floats) -> tuple[Floats, Floats, Floats]:
     """Derivatives of the centre of mass along a direction by the base's place, its orientation and the angles."""
-    masses = np.array([body.mass for body, _ in tree.ordered])
     places, turns = poses(tree, result.position, result.orientation, result.angles)
-    shares = masses / masses.sum()
+    shares = tree.masses / tree.masses.sum()
     base = rotation_matrix(result.orientation)
     arm = base.transpose(0, 2, 1) @ (shares @ places - result.position)[..., None]  # in the axes of the base
     of_orientation = np.empty_like(result.orientation)

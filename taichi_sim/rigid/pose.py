@@ -108,10 +108,9 @@ def momenta(tree: Tree, places: Floats, turns: Floats, moving: Floats) -> Floats
     Returns:
         (..., bodies, 6) [N m s, N s].
     """
-    masses = np.array([body.mass for body, _ in tree.ordered])
     at_rest = np.array([body.inertia for body, _ in tree.ordered])
     turned = rotation_matrix(turns)
-    momentum = masses[:, None] * moving[..., 3:]
+    momentum = tree.masses[:, None] * moving[..., 3:]
     local = np.einsum("...ji,...j->...i", turned, moving[..., :3])
     spin = np.einsum("...ij,...jk,...k->...i", turned, at_rest, local)
     arms = places - places[..., :1, :]

@@ -229,7 +229,7 @@ def _of_tree(tree: Tree, state: State, by_momentum: bool) -> tuple[Floats, Float
         return moving, places, moving
     carried = momenta(tree, places, turns, moving)
     if not tree.fixed:  # as ``stages.motion.shift_moments`` has them
-        masses = np.array([body.mass for body, _ in tree.ordered])[:, None]
+        masses = tree.masses[:, None]
         arms = places - places[..., :1, :]
         centre, velocity = ((masses * x).sum(-2, keepdims=True) / masses.sum() for x in (arms, moving[..., 3:]))
         carried[..., :3] -= np.cross(centre, carried[..., 3:]) + np.cross(arms - centre, masses * velocity)

@@ -114,7 +114,7 @@ def parameters_of(tree: Tree) -> Floats:
     found = np.zeros((len(tree.bodies), slots.PARAMETER_WIDTH))
     for n, (body, joint) in enumerate(tree.ordered):
         each, position = found[n], np.array(body.position, float)
-        each[slots.MASS] = body.mass
+        each[slots.MASS] = body.mass or 1.0  # of a fixed base, which no mass moves; laws divide by it
         inertia = np.asarray(body.inertia)
         each[slots.REST_INERTIA : slots.REST_INERTIA + 6] = inertia[np.tril_indices(3)]
         each[[slots.LOWER, slots.UPPER]] = -slots.NO_STOP, slots.NO_STOP

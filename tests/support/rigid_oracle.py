@@ -98,7 +98,8 @@ class Oracle:
     def moments(self, places, linear):
         """Of momenta; where the base floats, about the centre of mass of those relative to it."""
         floats, masses = not self.tree.fixed, self.masses[:, None]
-        centre, going = (floats * x.sum(0) / masses.sum() for x in (masses * places, linear))
+        total = masses.sum() or 1.0  # of a base alone that is fixed and has no mass
+        centre, going = (floats * x.sum(0) / total for x in (masses * places, linear))
         return np.cross(places - centre, linear - masses * going)
 
     def step(self, commands):

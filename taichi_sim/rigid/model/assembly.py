@@ -245,10 +245,10 @@ def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
     for part in found.values():
         lump = part.lump
         if lump.is_thin and part.joint is None and fixed:
-            lump = Lump(lump.mass or 1.0, lump.centre, np.eye(3))  # whatever does not move
-        if lump.mass == 0:
+            lump = replace(lump, inertia=np.eye(3))  # whatever does not move
+        elif lump.mass == 0:
             raise ValueError(f"mass of {part.name}: 0 is not allowed; give an inertial or solids with a mass")
-        if lump.is_thin:
+        elif lump.is_thin:
             raise ValueError(f"inertia of {part.name}: a moment of 0 is not allowed; give moments above 0")
         bodies.append(part.body(lump))
     return Tree(bodies, [part.joint for part in found.values() if part.joint is not None], fixed)

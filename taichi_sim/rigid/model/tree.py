@@ -22,7 +22,7 @@ class Body:
     Attributes:
         name: name of the body, unique in its tree.
         position: position of its centre of mass at rest [m].
-        mass: mass [kg].
+        mass: mass [kg]; 0 of a base that is fixed to the world and has none, which needs an inertia all the same.
         shapes: solids it is made of; all of them collide with the ground.
         inertia: about the centre of mass, (3, 3) [kg m^2]; of its only solid, centred, if not given.
         immersed: further solids, on which water acts like on the others, but which touch nothing.
@@ -40,7 +40,8 @@ class Body:
 
     def __post_init__(self) -> None:
         vector(f"position of {self.name}", self.position)
-        positive(f"mass of {self.name}", self.mass)
+        if self.mass != 0 or self.inertia is None:
+            positive(f"mass of {self.name}", self.mass)
         for name, solids in (("shapes", self.shapes), ("immersed", self.immersed)):
             if not isinstance(solids, Sequence) or not all(isinstance(solid, Solid) for solid in solids):
                 raise ValueError(f"{name} of {self.name}: {solids!r} is not allowed; give a list of solids")
@@ -191,6 +192,8 @@ class Tree:
             if joint.child in carried:
                 raise ValueError(f"joints: {joint.child!r} is carried twice or is the base; give a tree without loops")
             carried.add(joint.child)
+        for body in self.bodies[1 if self.fixed else 0 :]:
+            positive(f"mass of {body.name}", body.mass)
         lost = [name for n, name in enumerate(names) if n not in self.order]
         if lost:
             raise ValueError(f"joints: {lost[0]!r} does not hang on the base {names[0]!r}; give a tree without loops")
@@ -216,6 +219,11 @@ class Tree:
         """All bodies with the joints that carry them, parents first; the base has no joint."""
         joint_of = {joint.child: joint for joint in self.joints}
         return [(self.bodies[i], joint_of.get(self.bodies[i].name)) for i in self.order]
+
+    @property
+    def masses(self) -> Floats:
+        """Masses of the bodies in the order of ``ordered`` [kg]."""
+        return np.array([body.mass for body, _ in self.ordered], float)
 
     @cached_property
     def hinges(self) -> list[Hinge]:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from articulated_files import CRAWLER
 
-from robots.articulated import ArticulatedRobot, DriveReflexes, load_robot
+from morpholab import OwnMeasure
+from robots.articulated import ArticulatedRobot, DriveReflexes, differentiate, load_robot, simulate
 from robots.articulated.kind import ArticulatedKind
 from robots.articulated.rigid_motion import RigidMotion
 from robots.articulated.robot import robot_of_record
@@ -38,6 +39,46 @@ def test_frames_and_measures_count_angles_as_the_file_does():
     (run,) = found.result.runs
     motion = RigidMotion.of(robot, run.position, run.orientation, run.angles)
     assert np.array_equal(motion.angles, run.angles - 0.9) and run.frames.angles[0, 0, 0] == 0
+
+
+ARM = """<mujoco><option gravity="0 0 0"/><worldbody><geom type="plane" size="1 1 1"/><body name="arm" pos="0 0 1">
+  <joint name="h" axis="0 1 0" range="-90 90"/>
+  <geom type="capsule" fromto="0 0 0 0 0 -0.4" size="0.02" mass="0.1"/></body></worldbody>
+  <actuator><position joint="h" kp="50" kv="5"/></actuator></mujoco>"""
+STAND = """<robot name="stand"><link name="world"/>
+  <link name="arm"><inertial><origin xyz="0 0 -0.2"/><mass value="0.1"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-5"/></inertial></link>
+  <joint name="h" type="revolute"><parent link="world"/><child link="arm"/><origin xyz="0 0 1"/><axis xyz="0 1 0"/>
+  <limit lower="-1.5708" upper="1.5708" effort="100" velocity="10"/></joint></robot>"""
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("text", [ARM, STAND])
+def test_the_world_that_an_arm_is_hinged_to_has_no_share_in_its_centre(text):
+    """It counted 1 kg: an arm of 0.1 kg that turned by a right angle came 18 mm, not 0.2 m."""
+    way = OwnMeasure("way", "m", law=lambda motion: motion.centres(motion.places)[:, 0])
+    robot = ArticulatedRobot(text, duration=2.0, friction=math.inf, own_measures=(way,))
+    assert (
+        robot.model.tree.masses.tolist() == [0.0, 0.1]
+        and "1 bodies on 1 hinges, 0.1 kg" in dict(robot.facts())["Robot"]
+    )
+    found = simulate(robot, [[1.0, 0.0, 0.0, -1.0]], precision="f64", threads=1)
+    assert found.distance == pytest.approx([0.2], abs=1e-4) == found.own["way"]
+    point = np.array([[1.0, 0.0, 0.0, 0.3]])
+    slope = differentiate(robot, point, precision="f64", threads=1).gradient[0, 3]
+    ends = [
+        simulate(robot, point + np.array([0, 0, 0, sign * 1e-4]), precision="f64", threads=1).distance[0]
+        for sign in (1, -1)
+    ]
+    assert slope == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=1e-5) and abs(slope) > 0.2
+
+
+def test_what_is_fixed_to_the_world_has_the_mass_that_its_file_says():
+    base = MASS.replace('mass value="1"', 'mass value="3"')
+    bolts = '<joint name="bolts" type="fixed"><parent link="world"/><child link="plate"/></joint>'
+    bolted = STAND.replace("</robot>", f'<link name="plate">{base}</link>{bolts}</robot>')
+    assert parse_model(bolted).tree.masses.tolist() == [3.0, 0.1]
+    heavy = STAND.replace('<link name="world"/>', f'<link name="world">{base}</link>')
+    assert parse_model(heavy, fixed=True).tree.masses.tolist() == [3.0, 0.1]
 
 
 def test_a_continuous_joint_without_velocity_turns_at_the_fastest_rate():

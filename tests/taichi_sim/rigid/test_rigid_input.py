@@ -47,6 +47,16 @@ def state(**changes):
 
 BAD = {
     "a body without mass": (lambda: Body("b", (0, 0, 0), 0.0, [Sphere(1)]), "mass of b: 0.0 is not allowed"),
+    "a body without mass that is free": (
+        lambda: Tree([Body("b", (0, 0, 0), 0.0, [Sphere(1)], np.eye(3))]),
+        "mass of b: 0.0 is not allowed; give a positive finite number",
+    ),
+    "a body without mass on a fixed base": (
+        lambda: Tree(
+            [Body(name, (0, 0, 0), 0.0, (), np.eye(3)) for name in "ab"], [Hinge("a", "b", (0, 0, 0), (0, 0, 1))], True
+        ),
+        "mass of b: 0.0 is not allowed",
+    ),
     "a negative mass": (lambda: Body("b", (0, 0, 0), -1.0, [Sphere(1)]), "mass of b: -1.0 is not allowed"),
     "a mass that is no number": (lambda: Body("b", (0, 0, 0), np.nan, [Sphere(1)]), "mass of b: nan is not allowed"),
     "a place that is none": (lambda: Body("b", (0, 0), 1.0, [Sphere(1)]), "position of b: (0, 0) is not allowed"),
