@@ -16,6 +16,7 @@ from taichi_sim.rigid.tables import Senses
 USUAL = World(time_step=0.002, friction=1.0)  # MuJoCo's defaults, for what a file does not say
 _STRAIGHT = 1e-3  # sines below it are rounding: 1.57 for a right angle
 DEEPEST, DEEPEST_SHARE = 5e-3, 0.05  # m, and share of its height, that a robot of a file may start in the ground
+SHALLOW = 1e-4  # m, a depth in the ground that is rounding
 _ROUNDED = 1e-2  # part of a moment of inertia that the digits of a file may lack; published files have two or three
 _COMPUTED = 1e-9  # part of a moment that is rounding of its computation
 _MOST = 1e150  # kg m^2; eigenvalues of more do not converge
@@ -255,22 +256,31 @@ def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
 
 
 def depth_of(tree: Tree) -> float:
-    """How deep a tree lies in the ground, z = 0, at rest [m]; 0 if it does not."""
-    if not tree.points():
-        return 0.0
-    centres, radii = tree.balls()
-    return max(0.0, float((radii - centres[:, 2]).max()))
+    """How deep a tree lies in the ground, z = 0, at rest [m]; 0 if nothing of it does that the ground can move.
+
+    The ground moves neither what is fixed to the world nor what turns about vertical axes only, as a column does.
+    """
+    loose = [not tree.fixed]
+    for parent, (_, joint) in zip(tree.parents[1:], tree.ordered[1:], strict=True):
+        loose.append(loose[parent] or (isinstance(joint, Hinge) and not _is_vertical(joint)))
+    depths = [radius - tree.ordered[n][0].position[2] - centre[2] for n, centre, radius in tree.points() if loose[n]]
+    return float(max([0.0, *depths]))
+
+
+def _is_vertical(hinge: Hinge) -> bool:
+    axis = np.array(hinge.axis, float)
+    return float(np.hypot(*axis[:2])) <= _STRAIGHT * float(np.linalg.norm(axis))
 
 
 def check_start(tree: Tree) -> None:
-    """Refuse a free tree that starts so deep in the ground, z = 0, that the ground would throw it out.
+    """Refuse a tree that starts so deep in the ground, z = 0, that the ground would throw it out.
 
     What is less deep is pushed out at up to half a metre a second, in time steps of 2 ms.
 
     Raises:
         ValueError: says how deep it starts, and how much higher its base must start.
     """
-    depth = 0.0 if tree.fixed else depth_of(tree)
+    depth = depth_of(tree)
     if depth == 0.0:
         return
     centres, radii = tree.balls()
@@ -284,7 +294,7 @@ def check_start(tree: Tree) -> None:
 
 
 def raised(tree: Tree) -> Tree:
-    """A tree, raised until none of it lies in the ground, z = 0."""
+    """A tree, raised until nothing of it that the ground can move lies in it, z = 0."""
     up = np.array([0.0, 0.0, depth_of(tree)])
     bodies = [replace(body, position=np.add(body.position, up)) for body in tree.bodies]
     joints = [

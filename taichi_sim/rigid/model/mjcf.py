@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from taichi_sim.base.checks import positive
 from taichi_sim.rigid.model.assembly import (
     OUTSIDE,
+    SHALLOW,
     USUAL,
     Frame,
     Lump,
@@ -44,7 +45,6 @@ from taichi_sim.rigid.tables import Senses
 _ALONG = ("stiffness", "damping", "armature", "frictionloss")  # of joints, none of which is below 0
 _OPTIONS = ("timestep", "gravity")
 DAMPED_AT_LIMITS = "damping of joints whose drives are at their limits of force"
-_SHALLOW = 1e-4  # m, a depth in the ground that is rounding
 
 
 def read_mjcf(root: Element, angles: dict[str, float], speed: float, fastest: float, time_step: float | None) -> Model:
@@ -67,7 +67,7 @@ def read_mjcf(root: Element, angles: dict[str, float], speed: float, fastest: fl
     touching = reader.touching({body.name for body in tree.bodies})
     commands = tuple(actuator.get("name") or joint for joint, (_, actuator) in reader.drives.items())
     world, ignored = reader.world(), reader.all_ignored()
-    if not fixed and (depth := depth_of(tree)) > _SHALLOW:
+    if (depth := depth_of(tree)) > SHALLOW:
         ignored += (f"that it starts {1e3 * depth:.3g} mm deep in the ground, which throws it out",)
     return Model(tree, Senses(touching), world, commands, ignored)
 

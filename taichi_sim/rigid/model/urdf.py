@@ -13,11 +13,13 @@ from scipy.spatial.transform import Rotation
 from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid.model.assembly import (
     OUTSIDE,
+    SHALLOW,
     USUAL,
     Frame,
     Lump,
     Model,
     Part,
+    depth_of,
     placed,
     possible_inertia,
     raised,
@@ -45,8 +47,8 @@ def read_urdf(
     """Read the robot of a URDF file.
 
     Revolute joints get position drives, continuous joints velocity drives; effort limits the torque. The
-    time step and the friction, of which URDF says nothing, are MuJoCo's defaults. A free robot is raised out of the
-    ground.
+    time step and the friction, of which URDF says nothing, are MuJoCo's defaults. A robot is raised out of the ground,
+    as far as the ground could move it.
 
     Raises:
         ValueError: for entries that are not allowed.
@@ -69,10 +71,11 @@ def read_urdf(
         if isinstance(hung, Hinge) and hung.motor is not None:
             commands.append(joint.get("name", child))
         parts.append(_part(links[child], hung, places[child], balanced))
-    tree = tree_of(parts, fixed)
-    if not fixed:  # where the base is says nothing of the ground, which is often below its origin
-        tree = raised(tree)
-    return Model(tree, Senses(), world, tuple(commands), _ignored(root, angles))
+    tree, ignored = tree_of(parts, fixed), _ignored(root, angles)
+    if fixed and (depth := depth_of(tree)) > SHALLOW:
+        ignored += (f"the height of its base, which is fixed {depth:.3g} m higher, so that it starts above the ground",)
+    tree = raised(tree)  # where the base is says nothing of the ground, which is often below its origin
+    return Model(tree, Senses(), world, tuple(commands), ignored)
 
 
 def _base_of(links: Mapping[str, Element], joints: Sequence[Element]) -> str:

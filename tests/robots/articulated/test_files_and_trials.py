@@ -46,7 +46,8 @@ ARM = """<mujoco><option gravity="0 0 0"/><worldbody><geom type="plane" size="1 
   <geom type="capsule" fromto="0 0 0 0 0 -0.4" size="0.02" mass="0.1"/></body></worldbody>
   <actuator><position joint="h" kp="50" kv="5"/></actuator></mujoco>"""
 STAND = """<robot name="stand"><link name="world"/>
-  <link name="arm"><inertial><origin xyz="0 0 -0.2"/><mass value="0.1"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-5"/></inertial></link>
+  <link name="arm"><inertial><origin xyz="0 0 -0.2"/><mass value="0.1"/>
+  <inertia ixx="1e-3" iyy="1e-3" izz="1e-5"/></inertial></link>
   <joint name="h" type="revolute"><parent link="world"/><child link="arm"/><origin xyz="0 0 1"/><axis xyz="0 1 0"/>
   <limit lower="-1.5708" upper="1.5708" effort="100" velocity="10"/></joint></robot>"""
 

@@ -9,6 +9,7 @@ import pytest
 
 from robots.quadruped import LEGS, TEXT, WHEGGED, Quadruped
 from taichi_sim.rigid import Capsule, Hinge, RigidEngine, Sphere, State, Weld, World
+from taichi_sim.rigid.model.assembly import depth_of
 from taichi_sim.rigid.model.files import load_model, parse_model
 from taichi_sim.rigid.tables import parameters_of, points_of
 
@@ -236,15 +237,34 @@ WALKER = """<robot name="walker">
     <limit lower="-0.5" upper="0.5" effort="0" velocity="1"/></joint></robot>"""
 
 
-def test_a_free_urdf_robot_is_raised_out_of_the_ground():
-    """Its base is at the origin, its foot 0.25 m below; what does not reach the ground, or is fixed, stays."""
+def test_a_urdf_robot_is_raised_out_of_the_ground():
+    """Its base is at the origin, its foot 0.25 m below; what does not reach the ground stays."""
     tree = parse_model(WALKER).tree
     assert [body.position[2] for body in tree.bodies] == pytest.approx([0.25, 0.15])
     assert tree.hinges[0].anchor == pytest.approx([0, 0, 0.25])
     bent = parse_model(WALKER, angles={"hip": 0.4}).tree
     assert bent.bodies[0].position[2] == pytest.approx(0.23 * np.cos(0.4) + 0.02)
-    assert parse_model(WALKER, fixed=True).tree.bodies[0].position[2] == 0
     assert parse_model(ARM).tree.bodies[0].position[2] == 1
+
+
+def test_a_fixed_urdf_robot_is_raised_until_what_moves_is_above_the_ground():
+    """What does not move may lie in the ground, and what turns about a vertical axis only, as a column does."""
+    for text, fixed, height in ((WALKER, True, 0.25), (STAND, False, 0.4)):
+        with pytest.warns(UserWarning, match=rf"the height of its base, which is fixed {height} m higher"):
+            tree = parse_model(text, fixed=fixed).tree
+        assert tree.fixed and depth_of(tree) == pytest.approx(0, abs=1e-12)
+    assert parse_model(WALKER, fixed=True).tree.hinges[0].anchor == pytest.approx([0, 0, 0.25])
+    for still in (STAND.replace('axis xyz="0 1 0"', 'axis xyz="0 0 -2"'), STAND.replace("revolute", "fixed")):
+        assert not any("height" in each for each in parse_model(still).ignored)
+        assert parse_model(still).tree.bodies[0].position[2] == pytest.approx(0 if "revolute" in still else -0.2)
+
+
+@pytest.mark.kernels
+def test_a_leg_on_a_stand_goes_where_it_is_told():
+    """The ground threw it to its stop, at 3 rad."""
+    model = parse_model(STAND)
+    done = RigidEngine(model.tree, model.world, threads=1).run(500, commands=np.full((1, 1, 1), 0.5 / 3), hold=500)
+    assert done.angles[0, 0] == pytest.approx(0.5, abs=1e-2)
 
 
 @pytest.mark.kernels
@@ -252,6 +272,28 @@ def test_a_urdf_robot_is_not_thrown_out_of_the_ground():
     model = parse_model(WALKER)
     done = RigidEngine(model.tree, model.world, threads=1).run(100, record_every=1)
     assert done.frames.position[:, 0, 2].max() <= 0.25 + 1e-9
+
+
+STAND = """<robot name="leg"><link name="world"/><link name="leg">
+  <inertial><origin xyz="0 0 -0.2"/><mass value="0.5"/><inertia ixx="7e-3" iyy="7e-3" izz="1e-4"/></inertial>
+  <collision><origin xyz="0 0 -0.2"/><geometry><capsule radius="0.02" length="0.36"/></geometry></collision></link>
+  <joint name="h" type="revolute"><parent link="world"/><child link="leg"/><axis xyz="0 1 0"/>
+  <limit lower="-3" upper="3" effort="5" velocity="10"/></joint></robot>"""
+HUNG = """<body name="leg" pos="0 0 {}"><joint name="h" axis="{}" range="-170 170"/>
+  <geom type="capsule" fromto="0 0 -0.02 0 0 -0.38" size="0.02" mass="0.5"/></body>"""
+
+
+def test_files_whose_fixed_robot_starts_deep_in_the_ground_are_refused(tmp_path):
+    """A hinge in the world let the ground throw its leg to a stop, without a word."""
+    path = tmp_path / "leg.xml"
+    path.write_text(mjcf(HUNG.format(0.3, "0 1 0")))
+    with pytest.raises(ValueError, match=r"its start 100 mm deep in the ground, .* starts at least 0\.1 m higher"):
+        load_model(path)
+    with pytest.warns(UserWarning, match="that it starts 100 mm deep in the ground, which throws it out"):
+        parse_model(path.read_text())
+    for height, axis in ((0.4, "0 1 0"), (0.3, "0 0 1")):  # what turns about a vertical axis is not moved by the ground
+        path.write_text(mjcf(HUNG.format(height, axis)))
+        assert not load_model(path).ignored
 
 
 def test_a_start_in_the_ground_is_told():
