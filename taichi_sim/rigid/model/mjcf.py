@@ -35,11 +35,10 @@ from taichi_sim.rigid.model.mjcf_schema import (
     checked,
     notes,
     unusual_flags,
-    with_names,
 )
 from taichi_sim.rigid.model.settings import World
 from taichi_sim.rigid.model.tree import Hinge, Joint, Motor, Weld
-from taichi_sim.rigid.model.xml_values import direction, keyword, named, not_negative, number, numbers
+from taichi_sim.rigid.model.xml_values import direction, keyword, named, not_negative, number, numbers, with_names
 from taichi_sim.rigid.tables import Senses
 
 _ALONG = ("stiffness", "damping", "armature", "frictionloss")  # of joints, none of which is below 0

@@ -4,7 +4,7 @@ Source: MuJoCo's schema (``mj_printSchema``), versions 2.3 to 4.0. A test compar
 Sections that are not read, such as <asset> and <visual>, are not checked.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from xml.etree.ElementTree import Element
 
 from taichi_sim.base.checks import choice
@@ -206,22 +206,6 @@ def _check_value(element: Element, name: str) -> None:
             )
     elif count is not None:
         numbers(element, name, None, count)
-
-
-def with_names(elements: Iterable[Element], kind: str) -> Iterator[str]:
-    """Yield the names that elements have, of which no two may be the same.
-
-    Raises:
-        ValueError: if two have the same name.
-    """
-    found = set()
-    for element in elements:
-        name = element.get("name")
-        if name in found:
-            raise ValueError(f"{kind} {name}: the name is given twice; give each {kind} a name of its own")
-        if name:
-            found.add(name)
-            yield name
 
 
 def notes(element: Element) -> dict[str, None]:

@@ -29,16 +29,23 @@ from taichi_sim.rigid.model.assembly import (
 )
 from taichi_sim.rigid.model.shapes import Solid
 from taichi_sim.rigid.model.tree import Hinge, Joint, Motor, Weld
-from taichi_sim.rigid.model.xml_values import direction, keyword, named, not_negative, number, numbers, single
+from taichi_sim.rigid.model.urdf_schema import SIZES, strangers
+from taichi_sim.rigid.model.xml_values import (
+    direction,
+    keyword,
+    named,
+    not_negative,
+    number,
+    numbers,
+    single,
+    with_names,
+)
 from taichi_sim.rigid.tables import Senses
 
 _ENTRIES = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
+_NO_TURN = 1e-12  # length of a quaternion that turns nowhere
 _HINGED = ("revolute", "continuous")
-_OF_JOINTS = {"origin", "parent", "child", "axis", "limit", "dynamics"}  # elements that are read, or told otherwise
-_OF_LINKS = {"inertial", "collision", "visual"}
 _COMPILER = "mujoco/compiler"  # MuJoCo's extension of URDF
-_ROUND = {"radius": 1, "length": 1}
-_SIZES = {"sphere": {"radius": 1}, "box": {"size": 3}, "cylinder": _ROUND, "capsule": _ROUND}  # numbers of attributes
 
 
 def read_urdf(
@@ -53,6 +60,8 @@ def read_urdf(
     Raises:
         ValueError: for entries that are not allowed.
     """
+    for kind in ("link", "joint"):
+        _check_names(root.findall(kind), kind)
     links = {link.get("name", ""): link for link in root.findall("link")}
     joints = root.findall("joint")
     base = _base_of(links, joints)
@@ -64,7 +73,7 @@ def read_urdf(
     fixed = fixed or (base == "world" and single(links["world"], "inertial") is None)  # so ROS fixes robots
     places = {base: Frame(np.zeros(3), np.eye(3))}
     balanced = any(keyword(each, "balanceinertia", "false", "true") == "true" for each in root.iterfind(_COMPILER))
-    parts, commands = [_part(links[base], None, places[base], balanced)], list[str]()
+    parts, commands = [_part(links[base], None, places[base], balanced, fixed)], list[str]()
     for joint in _outwards(joints, base):
         child = _link_of(joint, "child")
         places[child], hung = _hang(joint, places[_link_of(joint, "parent")], angles, speed, fastest, len(commands))
@@ -76,6 +85,12 @@ def read_urdf(
         ignored += (f"the height of its base, which is fixed {depth:.3g} m higher, so that it starts above the ground",)
     tree = raised(tree)  # where the base is says nothing of the ground, which is often below its origin
     return Model(tree, Senses(), world, tuple(commands), ignored)
+
+
+def _check_names(elements: Sequence[Element], kind: str) -> None:
+    """Refuse elements of a kind without a name, and with the same one."""
+    if len(list(with_names(elements, kind))) < len(elements):
+        raise ValueError(f"{kind}: name is missing; give each {kind} a name of its own")
 
 
 def _base_of(links: Mapping[str, Element], joints: Sequence[Element]) -> str:
@@ -125,8 +140,15 @@ def _origin(element: Element) -> tuple[Floats, Floats]:
     origin = single(element, "origin")
     if origin is None:
         return np.zeros(3), np.eye(3)
-    turn = Rotation.from_euler("xyz", numbers(origin, "rpy", "0 0 0", 3))
-    return numbers(origin, "xyz", "0 0 0", 3), turn.as_matrix()
+    place = numbers(origin, "xyz", "0 0 0", 3)
+    if "quat_xyzw" not in origin.attrib:
+        return place, Rotation.from_euler("xyz", numbers(origin, "rpy", "0 0 0", 3)).as_matrix()
+    if "rpy" in origin.attrib:
+        raise ValueError(f"origin of {named(element)}: rpy and quat_xyzw are not allowed together; give one turn")
+    turn = numbers(origin, "quat_xyzw", None, 4)
+    if np.linalg.norm(turn) < _NO_TURN:
+        raise ValueError(f"origin of {named(element)}: quat_xyzw of length 0 is not allowed; give a unit quaternion")
+    return place, Rotation.from_quat(turn).as_matrix()
 
 
 def _hang(
@@ -187,8 +209,11 @@ def _range(joint: Element) -> tuple[float, float]:
     return number(limit, "lower", "0"), number(limit, "upper", "0")
 
 
-def _part(link: Element, joint: Joint | None, place: Frame, balanced: bool) -> Part:
-    """Read a link as a part at its place in the world; impossible inertias are balanced, or refused."""
+def _part(link: Element, joint: Joint | None, place: Frame, balanced: bool, still: bool = False) -> Part:
+    """Read a link as a part at its place in the world; impossible inertias are balanced, or refused.
+
+    Moments of inertia without a mass are refused, but of a base that stands still, where PyBullet's files have them.
+    """
     lump, inertial = Lump(), single(link, "inertial")
     if inertial is not None:
         mass, inertia = single(inertial, "mass"), single(inertial, "inertia")
@@ -196,7 +221,12 @@ def _part(link: Element, joint: Joint | None, place: Frame, balanced: bool) -> P
             raise ValueError(f"{named(link)}: an inertial without mass or inertia is not allowed; give both")
         matrix = np.array([number(inertia, entry, "0") for entry in _ENTRIES]).reshape(3, 3)
         matrix = possible_inertia(named(link), matrix, balanced)
-        lump = Lump.of(number(mass, "value"), place.then(*_origin(inertial)), matrix)
+        weight = not_negative(link, "mass", number(mass, "value"))
+        if weight == 0 and matrix.any() and not still:
+            raise ValueError(
+                f"{named(link)}: moments of inertia without a mass are not allowed; give a mass, or moments of 0"
+            )
+        lump = Lump.of(weight, place.then(*_origin(inertial)), matrix)
     shapes = [_solid(each, link, place.then(*_origin(each))) for each in link.findall("collision")]
     return Part(link.get("name", ""), joint, lump, tuple(shapes))
 
@@ -204,10 +234,10 @@ def _part(link: Element, joint: Joint | None, place: Frame, balanced: bool) -> P
 def _solid(collision: Element, link: Element, place: Frame) -> Solid:
     geometry = single(collision, "geometry")
     solids = list(geometry) if geometry is not None else []
-    if len(solids) != 1 or solids[0].tag not in _SIZES:
+    if len(solids) != 1 or solids[0].tag not in SIZES:
         found = solids[0].tag if solids else "nothing"
         raise ValueError(f"collision of {named(link)}: {found} is not allowed; give a box, sphere, cylinder or capsule")
-    sizes = [numbers(solids[0], name, None, count) for name, count in _SIZES[solids[0].tag].items()]
+    sizes = [numbers(solids[0], name, None, count) for name, count in SIZES[solids[0].tag].items()]
     name = f"collision of {named(link)}"
     return placed(solid_of(solids[0].tag, name, np.concatenate(sizes).tolist()), name, place)
 
@@ -232,7 +262,4 @@ def _ignored(root: Element, angles: dict[str, float]) -> tuple[str, ...]:
     ]
     if any(own):
         found.append("friction and damping of joints")
-    within = {child.tag for child in root.iterfind("joint/*")} - _OF_JOINTS
-    within |= {child.tag for child in root.iterfind("link/*")} - _OF_LINKS
-    found += [f"<{tag}>" for tag in sorted(within)]
-    return tuple(found)
+    return *found, *strangers(root)

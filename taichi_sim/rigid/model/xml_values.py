@@ -1,6 +1,7 @@
 """Read numbers, directions and keywords from the attributes of XML elements."""
 
 import re
+from collections.abc import Iterable, Iterator
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -123,3 +124,19 @@ def single(element: Element, tag: str) -> Element | None:
     if len(found) > 1:
         raise ValueError(f"{named(element)}: {len(found)} elements {tag} are not allowed; give one")
     return found[0] if found else None
+
+
+def with_names(elements: Iterable[Element], kind: str) -> Iterator[str]:
+    """Yield the names that elements have, of which no two may be the same.
+
+    Raises:
+        ValueError: if two have the same name.
+    """
+    found = set()
+    for element in elements:
+        name = element.get("name")
+        if name in found:
+            raise ValueError(f"{kind} {name}: the name is given twice; give each {kind} a name of its own")
+        if name:
+            found.add(name)
+            yield name

@@ -38,6 +38,12 @@ def cart(limit='effort="2" velocity="4"', inertia='ixx="1" iyy="1" izz="1"', sol
     return f"<robot>{head}{base}{wheel}{joint}</robot>"
 
 
+def fixed(inside, name="holds", at=""):
+    """A cart with a link that is fixed to its base, as URDF."""
+    ends = f'<parent link="base"/><child link="tip"/><origin {at}/>'
+    return cart(head=f'<link name="tip">{inside}</link><joint name="{name}" type="fixed">{ends}</joint>')
+
+
 MOMENTS = "is not allowed; give ones of which none exceeds the sum of the others, or a compiler with balanceinertia"
 REFUSED = {
     "an unknown unit of angles": (
@@ -154,6 +160,32 @@ REFUSED = {
     "effort below 0": (cart('effort="-2" velocity="4"'), "joint axle: effort -2 is not allowed; give at least 0"),
     "a velocity below 0": (cart('effort="2" velocity="-4"'), "joint axle: velocity -4 is not allowed; give at least 0"),
     "a velocity below 0 of no effort": (cart('effort="0" velocity="-4"'), "joint axle: velocity -4 is not allowed"),
+    "a mass below 0 of a link that is fixed": (
+        fixed('<inertial><mass value="-1.5"/><inertia/></inertial>'),
+        "link tip: mass -1.5 is not allowed; give at least 0",
+    ),
+    "moments of a link without a mass": (
+        fixed('<inertial><mass value="0"/><inertia ixx="0.5" iyy="0.5" izz="0.5"/></inertial>'),
+        "link tip: moments of inertia without a mass are not allowed; give a mass, or moments of 0",
+    ),
+    "two links of a name": (
+        cart(head='<link name="wheel"/>'),
+        "link wheel: the name is given twice; give each link a name of its own",
+    ),
+    "two joints of a name": (
+        fixed("", "axle"),
+        "joint axle: the name is given twice; give each joint a name of its own",
+    ),
+    "a link without a name": (cart(head="<link/>"), "link: name is missing; give each link a name of its own"),
+    "a joint without a name": (fixed("", ""), "joint: name is missing; give each joint a name of its own"),
+    "two turns of a joint": (
+        fixed("", at='rpy="0 0 1" quat_xyzw="0 0 0 1"'),
+        "origin of joint holds: rpy and quat_xyzw are not allowed together; give one turn",
+    ),
+    "no turn of a joint": (
+        fixed("", at='quat_xyzw="0 0 0 0"'),
+        "origin of joint holds: quat_xyzw of length 0 is not allowed; give a unit quaternion",
+    ),
     "a ball like a galaxy": (
         ball('size="1e200"'),
         "geom skin: radius: 1e+200 is not allowed; give a positive number, at most 1e+06",
@@ -254,3 +286,37 @@ def test_elements_of_joints_and_links_that_do_nothing_are_named():
       <limit lower="-1" upper="1" effort="1" velocity="1"/><dynamics damping="0"/>{inside}</joint></robot>"""
     assert parse_model(text).ignored == ("<calibration>", "<safety_controller>", "<sensor>")
     assert parse_model(text.replace(inside, "").replace("<sensor/>", "")).ignored == ()
+
+
+def test_attributes_and_elements_that_urdf_has_not_are_named():
+    """A misspelt velocity was no limit of velocity, and a misspelt turn no turn, without a word."""
+    limit = 'effort="2" velocty="4" drake:acceleration="3"'
+    text = cart(limit, solid='sphere radius="0.1" scale="2"').replace("<robot", '<robot xmlns:drake="http://drake.org"')
+    text = text.replace("<collision>", '<collision><orign xyz="0 0 1"/><origin RPY="0 0 1"/>')
+    assert parse_model(text).ignored == (
+        "<orign>",
+        "RPY of <origin>",
+        "acceleration of <limit>",
+        "scale of <sphere>",
+        "velocty of <limit>",
+    )
+    assert parse_model(cart().replace("<collision>", '<collision name="skin"><origin rpy="0 0 1"/>')).ignored == ()
+
+
+def test_a_urdf_robot_may_be_turned_by_quaternions():
+    """They came with version 1.2, and were taken for no turn."""
+    inertial = '<inertial><origin xyz="0 0 -0.2"/><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    by_quaternion, by_angles = (
+        tree.bodies[tree.place_of("tip")].position
+        for at in ('quat_xyzw="2 0 0 2"', f'rpy="{np.pi / 2} 0 0"')
+        if (tree := parse_model(fixed(inertial, at=f'xyz="0 0 1" {at}')).tree)
+    )
+    assert by_quaternion == pytest.approx(by_angles) and by_angles[1] == pytest.approx(0.2)
+
+
+def test_a_base_that_stands_still_may_have_moments_without_a_mass():
+    """As in files of PyBullet, where bases of no mass do not move."""
+    massless = cart().replace('mass value="1"', 'mass value="0"', 1)
+    assert parse_model(massless, fixed=True).tree.masses.tolist() == [0, 1]
+    with pytest.raises(ValueError, match=r"^link base: moments of inertia without a mass are not allowed; give a mass"):
+        parse_model(massless)
