@@ -64,11 +64,10 @@ def read_mjcf(root: Element, angles: dict[str, float], speed: float, fastest: fl
         raise ValueError(f"angles: there is no hinge {unknown[0]!r}; there are {', '.join(reader.hinges)}")
     tree = tree_of(reader.parts, fixed)
     touching = reader.touching({body.name for body in tree.bodies})
-    commands = tuple(actuator.get("name") or joint for joint, (_, actuator) in reader.drives.items())
     world, ignored = reader.world(), reader.all_ignored()
     if (depth := depth_of(tree)) > SHALLOW:
         ignored += (f"that it starts {1e3 * depth:.3g} mm deep in the ground, which throws it out",)
-    return Model(tree, Senses(touching), world, commands, ignored)
+    return Model(tree, Senses(touching), world, reader.commands(), ignored)
 
 
 @dataclass(eq=False)
@@ -239,6 +238,15 @@ class _Reader:
         self.ignored |= dict.fromkeys([*(f"{each} of joints" for each in lacking), *also])
         self.ignored |= notes(joint)
         return motor, command
+
+    def commands(self) -> tuple[str, ...]:
+        """Names of the drives, in their order: one without has its joint's, or one like it where a drive has that."""
+        taken = {name for _, actuator in self.drives.values() if (name := actuator.get("name"))}
+        found = list[str]()
+        for joint, (_, actuator) in self.drives.items():
+            found.append(actuator.get("name") or _unlike(joint, taken))
+            taken.add(found[-1])
+        return tuple(found)
 
     def touching(self, bodies: set[str]) -> list[str]:
         """Names of the bodies that touch sensors feel, in their order; each is one of these."""

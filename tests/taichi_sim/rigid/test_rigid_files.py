@@ -82,6 +82,20 @@ def test_an_ant_has_its_hinges_drives_and_senses():
     assert model.world == World(0.01, -9.81, friction=1.0)  # the larger one counts, and that of the ground is 1
 
 
+@pytest.mark.parametrize(
+    ("drives", "names"),
+    [
+        ('<position joint="hip 0"/><position name="hip 0" joint="hip 1"/>', ("hip 0'", "hip 0")),
+        ('<position name="hip 1" joint="hip 0"/><position joint="hip 1"/>', ("hip 1", "hip 1'")),
+        ('<position name="first" joint="hip 0"/><position joint="hip 1"/>', ("first", "hip 1")),
+    ],
+)
+def test_drives_have_names_of_their_own(drives, names):
+    """A drive without a name has its joint's, which may be that of another drive; parameters were named twice."""
+    head, _, tail = ANT.partition("<actuator>")
+    assert parse_model(f"{head}<actuator>{drives}</actuator>{tail.partition('</actuator>')[2]}").commands == names
+
+
 @pytest.mark.kernels
 def test_an_ant_stands_on_its_feet():
     model = parse_model(ANT)
