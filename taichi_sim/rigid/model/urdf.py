@@ -83,6 +83,8 @@ def read_urdf(
     tree, ignored = tree_of(parts, fixed), _ignored(root, angles)
     if fixed and (depth := depth_of(tree)) > SHALLOW:
         ignored += (f"the height of its base, which is fixed {depth:.3g} m higher, so that it starts above the ground",)
+    if not fixed and not tree.points():
+        ignored += ("that nothing of the robot touches the ground, as it has no <collision>: it falls without end",)
     tree = raised(tree)  # where the base is says nothing of the ground, which is often below its origin
     return Model(tree, Senses(), world, tuple(commands), ignored)
 

@@ -281,11 +281,20 @@ def test_no_effort_is_no_drive():
 def test_elements_of_joints_and_links_that_do_nothing_are_named():
     inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
     inside = '<calibration rising="0.3"/><safety_controller k_velocity="1" soft_lower_limit="-0.2"/>'
-    text = f"""<robot name="arm"><link name="base">{inertial}</link><link name="arm">{inertial}<sensor/></link>
+    ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>"
+    text = f"""<robot name="arm"><link name="base">{inertial}{ball}</link><link name="arm">{inertial}<sensor/></link>
       <joint name="axle" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
       <limit lower="-1" upper="1" effort="1" velocity="1"/><dynamics damping="0"/>{inside}</joint></robot>"""
     assert parse_model(text).ignored == ("<calibration>", "<safety_controller>", "<sensor>")
     assert parse_model(text.replace(inside, "").replace("<sensor/>", "")).ignored == ()
+
+
+def test_a_free_urdf_robot_that_touches_nothing_is_told_of():
+    """It fell without end, with a status of ok; the warning had named <visual> only."""
+    looks = cart().replace("collision>", "visual>")
+    with pytest.warns(UserWarning, match="<visual>; that nothing of the robot touches the ground, as it has no <coll"):
+        parse_model(looks)
+    assert parse_model(looks, fixed=True).ignored == ("<visual>",) and parse_model(cart()).ignored == ()
 
 
 def test_attributes_and_elements_that_urdf_has_not_are_named():
