@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.articulated.reflexes import PARTS, DriveReflexes, network_of
-from robots.articulated.simulation import GROUND, felt_over_time, sensed_of, try_points
+from robots.articulated.simulation import GROUND, felt_over_time, ground_place, sensed_of, try_points
 from robots.outcome import recorded
 from robots.own_measures import OwnMeasure, checked_own_measures, records_of
 from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World
@@ -316,9 +316,9 @@ class ArticulatedRobot(Robot):
 
     @property
     def footprint(self) -> tuple[float, float]:
-        """Positions along the heading of the rear and front of what may touch the ground [m]."""
+        """Positions along the heading of the rear and front of what may touch the ground, from its origin [m]."""
         centres, radii = self.model.tree.balls()
-        along = centres @ self.direction
+        along = (centres - ground_place(self)) @ self.direction
         return float((along - radii).min()), float((along + radii).max())
 
     def at_horizon(self, length: int) -> tuple[str, "ArticulatedRobot"]:

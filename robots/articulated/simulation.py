@@ -212,7 +212,19 @@ def relief_under(robot: "ArticulatedRobot", world: World) -> "Relief | None":
     if terrain.fluid_density is not None:
         around = Water(DEEP, terrain.fluid_density) if terrain.fluid_density else None
         return Relief(np.full((2, 2), -DEEP), 1.0, water=around)
-    return None if terrain.uneven is None else terrain.uneven.relief(robot.heading, 2 * _length(robot) / FINENESS)
+    if terrain.uneven is None:
+        return None
+    relief, (x, y, _) = terrain.uneven.relief(robot.heading, 2 * _length(robot) / FINENESS), ground_place(robot)
+    return replace(relief, origin=(relief.origin[0] + x, relief.origin[1] + y)) if x or y else relief
+
+
+def ground_place(robot: "ArticulatedRobot") -> Floats:
+    """Where uneven ground has its origin, (3,) [m]: the whole metre next to the start of a robot.
+
+    Ground is made around its origin, so a robot that its file puts elsewhere would find it level.
+    """
+    x, y, _ = first_centre(robot.model.tree)[0]
+    return np.round([x, y, 0.0])
 
 
 def _length(robot: "ArticulatedRobot") -> float:

@@ -3,6 +3,7 @@
 import json
 import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from optim.named import robot as robot_named
 from robots.articulated import ArticulatedRobot, differentiate, load_robot, simulate
 from robots.articulated.reflexes import DriveReflexes
 from robots.articulated.robot import robot_of_record
-from robots.articulated.simulation import GROUND, centre_slopes, centres, relief_under, rhythm
+from robots.articulated.simulation import GROUND, centre_slopes, centres, ground_place, relief_under, rhythm
 from robots.own_measures import OwnMeasure
 from robots.robot import KINDS, Place, Trial, find_robot, load_design, make_robot
 from robots.uncertainty import HELD_OUT, Risk, Uncertainty, judge_uncertain
@@ -334,6 +335,20 @@ def test_it_stands_on_uneven_ground_and_walks_there():
 
 
 @pytest.mark.kernels
+def test_uneven_ground_lies_about_the_start_of_a_robot():
+    """It ended 4 m ahead of the file's origin and 1.5 m beside it, so robots that begin elsewhere found it level."""
+    near = crawler(friction=None, duration=0.2)
+    away = replace(near, text=near.text.replace('name="trunk" pos="0 0 ', 'name="trunk" pos="6 -3 '))
+    assert not ground_place(near).any() and ground_place(away).tolist() == [6, -3, 0]
+    here, there = (relief_under(robot, UNEVEN) for robot in (near, away))
+    assert here.heights == pytest.approx(there.heights)
+    assert np.subtract(there.origin, here.origin) == pytest.approx([6, -3])
+    points = some_points(near, 1)
+    ways = [simulate(robot, points, terrain=UNEVEN, **HERE).distance for robot in (near, away)]
+    assert ways[1] == pytest.approx(ways[0], abs=1e-6) and away.footprint == pytest.approx(near.footprint)
+
+
+@pytest.mark.kernels
 @pytest.mark.parametrize("terrain", TERRAINS, ids=lambda t: t.name)
 def test_derivatives_on_terrains_agree_with_differences(terrain):
     robot = crawler()
@@ -451,7 +466,7 @@ def test_terrains_by_name():
 
 
 def test_it_knows_where_it_begins_and_ends():
-    """Along its heading, from the origin of its file."""
+    """Along its heading, from the origin of the ground, here that of its file."""
     back, front = crawler().footprint
     assert back < 0 < front
     assert crawler(heading=180.0).footprint == pytest.approx((-front, -back))
