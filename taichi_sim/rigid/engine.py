@@ -39,6 +39,7 @@ BLOCKS_AT_ONCE = 32  # a thread: so many that threads rarely wait for each other
 ROBOTS_AT_ONCE = 1 << 15  # on a GPU
 COMPLIANCE = {"f64": 2e-9, "f32": 2e-6}  # s/kg, of normals: decides between equal solutions
 TOLERANCE = {"f64": 1e-12, "f32": 1e-7}
+ROUNDINGS = 300  # of a diagonal entry [1/kg]: least compliance; with 30, rounding leaves some robots unsolved
 VISCOUS_PHASES, COULOMB_PHASES = 2, 8  # solutions of a step; Coulomb's cone is found by repetition
 FAR_AWAY = [[1e9, 0.0, 0.0]]  # a light that is nowhere
 NEAREST_LIGHT = 1e-6  # m
@@ -290,7 +291,8 @@ class RigidEngine:
         """Numbers that all robots of a run share, in the order of their places in ``slots``."""
         world, network, scalar = self.world, self.network, real.numpy
         push_out = scalar(world.error_reduction) / scalar(world.time_step)
-        ground = push_out, min(world.friction, ENDLESS), COMPLIANCE[real.precision]
+        least = 0.0 if world.integration == "velocity" else ROUNDINGS * np.finfo(scalar).eps  # none in the studies'
+        ground = push_out, min(world.friction, ENDLESS), COMPLIANCE[real.precision], least
         neurons = network.memory, network.gain, *network.touch_values
         rest = 0 if self.tree.fixed else 1, TOLERANCE[real.precision]
         return np.array([world.time_step, *ground, *neurons, *rest, *world.gravity_across, world.gravity], scalar)

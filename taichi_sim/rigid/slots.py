@@ -17,8 +17,10 @@ READING, NEURON, WEIGHT, COMMAND, MATRIX, FACTOR, SLOTS = range(29, 36)
 POINT_BODIES, PATHS, EYES, PORTION_BODIES, STATE, FRAME, PLACES = range(36, 43)
 
 # Places in the array of numbers that all robots of a run share: see ``World`` and ``Network``. PUSH_OUT is the error
-# reduction in a second, FLOATING 0 where the base is fixed to the world; GRAVITY is the first of three.
-TIME_STEP, PUSH_OUT, FRICTION, COMPLIANCE, MEMORY, GAIN, APART, TOUCHING, FLOATING, TOLERANCE, GRAVITY = range(11)
+# reduction in a second, LEAST_COMPLIANCE a part of a diagonal entry, FLOATING 0 where the base is fixed to the world;
+# GRAVITY is the first of three.
+TIME_STEP, PUSH_OUT, FRICTION, COMPLIANCE, LEAST_COMPLIANCE, MEMORY, GAIN, APART, TOUCHING, FLOATING = range(10)
+TOLERANCE, GRAVITY = range(10, 12)
 
 # The head of the memory: base position and orientation, the light, its smallest horizontal distance squared so far,
 # steps before divergence (negative: none), the worst unsolved residual; then factor, right-hand side and velocity; the

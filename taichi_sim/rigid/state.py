@@ -65,7 +65,7 @@ class RigidResult(ShortText):
         status: ``"ok"`` or ``"diverged"``, (B,).
         steps: steps before divergence, else all, (B,).
         residual: largest violation of the conditions of contacts that a step was left with, 0 where all were solved
-            (B,) [N s or m/s]; 1 where motors did not settle.
+            (B,) [N s or m/s]; 1 where motors did not settle, 1e30 where impulses were no numbers.
         frames: what was recorded, or None.
     """
 

@@ -32,6 +32,7 @@ from taichi_sim.runtime import ti
 
 MOST_PIVOTS = 300  # solutions with other members; 60 leave robots unsolved that are shaken hard
 PIVOTS_OF_STUDIES = 60  # in their solver
+FALLEN = 1.0  # m: the depth at which a point that has no solution shows that its robot falls through the ground
 BLOCK_FLIPS = 5.0  # of all violators at once without there being fewer; then one at a time, which always ends
 
 
@@ -119,8 +120,12 @@ def reduce_points(robots: ti.template(), count, push_out):
 
 @ti.func
 def fill_matrix(robots: ti.template(), count):
-    """The matrix of normal rows, its lower triangle; the compliance on its diagonal makes it definite."""
-    compliance = setting(robots, slots.COMPLIANCE)
+    """The matrix of normal rows, its lower triangle; the compliance on its diagonal makes it definite.
+
+    That of four points in a plane is singular, and its entries are as large as robots are light: so compliance is a
+    part of the entry at least, beyond what rounding leaves.
+    """
+    compliance, least = setting(robots, slots.COMPLIANCE), setting(robots, slots.LEAST_COMPLIANCE)
     for n in range(count):
         _i, b, point = listed_point(robots, n)
         mine = ti.static(row(robots, point + slots.ROW, 6))
@@ -134,7 +139,7 @@ def fill_matrix(robots: ti.template(), count):
                     both = read(robots, point + slots.HINGES + d) * read(robots, other + slots.HINGES + d)
                     value = value + both * read(robots, body_at(robots, hinge) + slots.INVERSE)
             if n == l:
-                value = value + compliance
+                value = value + larger(least * value, 0.0 * value + compliance)
             write(robots, entry_at(robots, slots.MATRIX, n, l), value)
 
 
@@ -202,6 +207,8 @@ def violations(robots: ti.template(), count, phase, late, active):
         amount = select(pushes, 0.0 - impulse, select(touches, short, 0.0))
         if ti.static(robots.granular):
             amount = sand.bounded_violation(robots, n, amount, impulse, short)
+        if ti.static(not robots.drifting):
+            amount = select(amount < sand.UNBOUNDED, amount, sand.UNBOUNDED)  # a NaN is the worst of all
         wrong = (amount > tolerance) & (active > 0.5)
         mark = select(wrong, 1.0, 0.0 * amount)
         if ti.static(robots.granular):
@@ -278,6 +285,9 @@ def solve_normals(robots: ti.template(), count, phase, active):
         slot = listed_at(robots, n) + slots.IMPULSES + phase
         impulse = read(robots, slot)
         kept = select(impulse > 0.0, impulse, 0.0)
+        if ti.static(not robots.drifting):  # a NaN costs a point its impulse; whoever fell for that has diverged
+            fell = read(robots, listed_at(robots, n) + slots.DEEP) > FALLEN
+            kept = select((impulse <= 0.0) | (impulse > 0.0), kept, select(fell, impulse, 0.0))
         if ti.static(robots.granular):
             kept = sand.bounded_impulse(robots, n, kept)
         write(robots, slot, kept)

@@ -360,7 +360,8 @@ def move_within_bounds(robots: ti.template(), count, phase):
 def bounded_impulse(robots: ti.template(), n, impulse):
     """An impulse without what rounding has added to the largest one; remembered as the one within bounds."""
     sandy = listed_sandy(robots, n)
-    bounded = smaller(impulse, read(robots, sandy + slots.LIMIT))
+    limit = read(robots, sandy + slots.LIMIT)
+    bounded = select(impulse > limit, limit, impulse)  # a NaN stays one
     write(robots, sandy + slots.WITHIN, bounded)
     return bounded
 
