@@ -1,6 +1,6 @@
 """Recorded poses of robots made of voxels, for pictures, films and the player."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -25,6 +25,11 @@ class Frames(ShortText):
     times: np.ndarray
     extents: np.ndarray
     sizes: np.ndarray
+
+    def since(self, seconds: float) -> "Frames":
+        """The poses from a time on."""
+        kept = self.times >= seconds
+        return Frames(*(getattr(self, each.name)[kept] for each in fields(self)))
 
 
 def frames_of(run: LatticeResult, extents: np.ndarray, first: int, times: np.ndarray) -> Frames:

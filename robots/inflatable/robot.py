@@ -4,7 +4,7 @@ What is heavy is imported when it is used, as commands know robots before they d
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from robots.hardware import GaitTable, PneumaticRig
     from robots.inflatable.actuation import InflatableActuation
     from robots.inflatable.body import InflatableGeometry
+    from robots.inflatable.convention import SpeedConvention
     from robots.inflatable.simulation import InflatableResult
     from robots.uncertainty import Perturbation
     from robots.view.motion import Motion
@@ -68,8 +69,7 @@ class InflatableRobot(Robot):
         calibration: the file that these come from, if any.
         perturbation: standard deviation of noise on the start positions [m].
         seed: of that noise.
-        speeds: counts the speeds of a result; None is the published convention.
-        counted_steps: time steps by which pictures count the speed; None is the published convention.
+        convention: by which its speed counts, as in the search that found it; None is the published one.
         name: what people call it.
         rig: that plays a gait table; None plays the gait itself.
         rig_table: that it plays.
@@ -83,8 +83,7 @@ class InflatableRobot(Robot):
     calibration: Path | None = None
     perturbation: float = 0.0
     seed: int = 0
-    speeds: "Callable[[InflatableResult], Floats] | None" = None
-    counted_steps: int | None = None
+    convention: "SpeedConvention | None" = None
     name: str = "inflatable robot"
     rig: "PneumaticRig | None" = None
     rig_table: "GaitTable | None" = None
@@ -140,7 +139,7 @@ class InflatableRobot(Robot):
         if rig:  # the body with which they were fitted
             own["weight"] = weight_of_calibration(options["calibration"])
         if "columns" in options or "repeats" in options:
-            own["speeds"] = None  # they are counted by the whole gait
+            own["convention"] = None  # that of another gait; this one counts as a whole
         more = {name: options[name] for name in ("geometry", "weight", "perturbation", "seed") if name in options}
         changed = dataclasses.replace(self.gait, schedule=schedule, **gait)
         if "bladders" in options:
@@ -182,6 +181,7 @@ class InflatableRobot(Robot):
         self, robots: "Sequence[InflatableRobot]", terrains: Sequence[Terrain], count: int, trial: Trial
     ) -> list[Outcome]:
         """What each of several variants does so often on its terrain, in one batch."""
+        from robots.inflatable.convention import counting_of
         from robots.inflatable.simulation import reordered, simulate
 
         gaits, drives = zip(*(robot.as_drawn for robot in robots), strict=True)
@@ -192,6 +192,7 @@ class InflatableRobot(Robot):
             terrains[0] if alone else [terrains[row] for row in rows],
             geometry=self.parts[0],
             actuation=drives[0] if alone else [drives[row] for row in rows],
+            counting=counting_of(self.convention),
             **trial.compute.options,
             record_every=trial.record_every,
             perturbation=self.perturbation,
@@ -221,13 +222,13 @@ class InflatableRobot(Robot):
 
     def _outcome(self, result: "InflatableResult", more: Mapping[str, Floats] | None = None) -> Outcome:
         """A result as commands and searches see it."""
+        from robots.inflatable.convention import speeds_by
         from robots.inflatable.simulation import sideways
 
-        measures = {name: getattr(result, name) for name in ("speed", "distance", "speed_simulated")}
+        measures = {"speed": speeds_by(self.convention, result, *self.parts)}
+        measures |= {name: getattr(result, name) for name in ("distance", "speed_simulated")}
         measures["sideways"] = sideways(result.displacement, [self.gait.orientation] * len(result.status))
         measures |= more or {}
-        if self.speeds is not None:
-            measures["speed"] = self.speeds(result)
         return Outcome(measures, result.status, steps=result.steps, frames=recorded(result.frames), result=result)
 
     @property
@@ -279,9 +280,10 @@ class InflatableRobot(Robot):
         """Distance, drift and speeds."""
         numbers = {name: float(values[0]) for name, values in outcome.measures.items()}
         side = "left" if numbers["sideways"] >= 0 else "right"
+        told = "published convention" if self.convention is None else self.convention.spoken
         text = (
             f"distance {decimal(numbers['distance'])} m, {decimal(abs(numbers['sideways']))} m to the {side}, "
-            f"speed {decimal(numbers['speed'])} BL/s (published convention; {decimal(numbers['speed_simulated'])} "
+            f"speed {decimal(numbers['speed'])} BL/s ({told}; {decimal(numbers['speed_simulated'])} "
             "in the time simulated)"
         )
         if self.rig is not None:
@@ -338,7 +340,8 @@ class InflatableRobot(Robot):
             )
         geometry, drive = self.parts
         more: Any = {**compute.options, "seed": seed or self.seed, "progress": progress}
-        found = judge_gait(self.gait, terrain_of(world), geometry=geometry, actuation=drive, closely=True, **more)
+        more |= {"geometry": geometry, "actuation": drive, "convention": self.convention}
+        found = judge_gait(self.gait, terrain_of(world), closely=True, **more)
         calibration = {} if self.calibration is None else {"calibration": str(self.calibration)}
         return Judgement(found.spoken, {**calibration, **found.to_document()}, found.diverged)
 
@@ -362,7 +365,7 @@ class InflatableRobot(Robot):
 
         geometry, drive = self.parts
         picture.save_motion_picture(
-            self.gait, terrain_of(world), path, geometry=geometry, actuation=drive, counted_steps=self.counted_steps
+            self.gait, terrain_of(world), path, geometry=geometry, actuation=drive, convention=self.convention
         )
 
 

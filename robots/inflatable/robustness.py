@@ -19,6 +19,7 @@ import numpy as np
 from robots.inflatable import simulation
 from robots.inflatable.actuation import ACTUATION, PUBLISHED_COLUMNS, PUBLISHED_STEPS, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
+from robots.inflatable.convention import SpeedConvention, counting_of
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.rubbing import Rubbing
 from robots.inflatable.scrutiny import Scrutiny, scrutinise
@@ -185,6 +186,7 @@ def judge_gait(
     runs: int = RUNS,
     seed: int = 0,
     closely: bool = False,
+    convention: SpeedConvention | None = None,
     progress: Callable[[float], None] | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> GaitJudgement:
@@ -198,6 +200,7 @@ def judge_gait(
         runs: number of runs with noise under each of the two conditions; at least 2.
         seed: seed of the noise.
         closely: whether to take a closer look, with runs under changed conditions, which takes longer.
+        convention: by which speeds count; None is the published one. After a warm-up slip counts as distance does.
         progress: called at intervals with the fraction done.
         compute: ``precision``, ``device`` and ``threads``, see ``robots.inflatable.simulate``.
 
@@ -205,10 +208,15 @@ def judge_gait(
         ValueError: if an argument is not allowed.
     """
     whole_number("runs", runs, 2)
-    given = Conditions(design, terrain or Terrain(), geometry, actuation)
+    given = Conditions(design, terrain or Terrain(), geometry, actuation, convention)
     report = progress or (lambda fraction: None)
     first: Callable[[float], None] = (lambda fraction: report(USUAL_SHARE * fraction)) if closely else report
-    usual, hard = _both_ways([design] * runs, given.terrain, geometry, actuation, RECORD_EVERY, seed, first, compute)
+    usual, hard = _both_ways([design] * runs, given, RECORD_EVERY, seed, first, compute)
+    steps = gait_steps(design.schedule, actuation)
+    if convention and convention.counting.warm_up:  # feet slip there, too, on a way that does not count
+        begin = steps - convention.counted_of(design.schedule, actuation)
+        assert usual.frames is not None
+        usual = replace(usual, frames=usual.frames.since(begin * usual.time_step))
     slip = np.stack([slip_under_load(usual, design, actuation, robot) for robot in range(runs)])
     scrutiny = None
     if closely and np.isfinite(usual.speed).all() and np.isfinite(hard.speed).all():
@@ -222,7 +230,7 @@ def judge_gait(
         hard.speed,
         slip,
         usual.distance,
-        gait_steps(design.schedule, actuation),
+        steps,
         given.terrain.is_level,
         nominal_steps(PUBLISHED_COLUMNS, actuation),
         _hardened(given).friction[0],
@@ -289,24 +297,23 @@ def play_with_noise(
     """
     whole_number("runs", runs, 1)
     copies = [design for design in designs for _ in range(runs)]
-    usual, hard = _both_ways(copies, terrain, geometry, actuation, None, seed, progress, compute)
+    given = Conditions(simulation.checked_designs(copies, geometry, actuation)[0], terrain, geometry, actuation)
+    usual, hard = _both_ways(copies, given, None, seed, progress, compute)
     return usual.speed.reshape(-1, runs), hard.speed.reshape(-1, runs)
 
 
 def _both_ways(
     designs: Sequence[InflatableDesign],
-    terrain: Terrain,
-    geometry: InflatableGeometry,
-    actuation: InflatableActuation,
+    given: Conditions,
     record_every: int | None,
     seed: int,
     progress: Callable[[float], None] | None,
     compute: ComputeOptions,
 ) -> tuple[InflatableResult, InflatableResult]:
-    """Results of designs with noise, under the usual and the harder conditions; only the former record frames."""
+    """Results of designs with noise, under given and the harder conditions; only the former record frames."""
     report, found = progress or (lambda fraction: None), []
     hard = [_RUBBING.of(design) for design in designs]
-    ways = ((designs, terrain, actuation), (hard, *harder(terrain, actuation)))
+    ways = ((designs, given.terrain, given.actuation), (hard, *harder(given.terrain, given.actuation)))
     for number, (played, ground, drive) in enumerate(ways):
 
         def part(fraction: float, number: int = number) -> None:
@@ -315,13 +322,14 @@ def _both_ways(
         result = simulation.simulate(
             played,
             ground,
-            geometry=geometry,
+            geometry=given.geometry,
             actuation=drive,
+            counting=counting_of(given.convention),
             record_every=None if number else record_every,
             perturbation=NOISE,
             seed=seed,
             progress=part,
             **compute,
         )
-        found.append(result)
+        found.append(result if given.convention is None else replace(result, speed=given.speeds(result)))
     return found[0], found[1]

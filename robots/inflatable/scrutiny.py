@@ -8,6 +8,7 @@ import numpy as np
 
 from robots.inflatable import simulation
 from robots.inflatable.contact import PARTS, Footing, footing_of
+from robots.inflatable.convention import counting_of
 from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.variations import Conditions, variations_of
 from robots.robot import part_of
@@ -129,16 +130,18 @@ def scrutinise(
     footings = [footing_of(usual, design, given.geometry.body_length, robot) for robot in range(runs)]
     variations = variations_of(given)
     for number, (name, tried) in enumerate(variations.items()):
-        speeds[name] = simulation.simulate(
+        played = simulation.simulate(
             [tried.design] * min(runs, VARIED_RUNS),
             tried.terrain,
             geometry=tried.geometry,
             actuation=tried.actuation,
+            counting=counting_of(tried.convention),
             perturbation=noise,
             seed=seed,
             progress=part_of(progress, number, len(variations)),
             **compute,
-        ).speed
+        )
+        speeds[name] = tried.speeds(played)
     drift = simulation.sideways(usual.displacement, [design.orientation] * runs)
     weight, speed = given.actuation.weight, float(usual.speed.mean())
     return Scrutiny(given.friction, weight, speed, usual.distance, drift, footings, speeds)

@@ -11,10 +11,13 @@ import numpy as np
 
 from robots.inflatable.actuation import InflatableActuation
 from robots.inflatable.body import InflatableGeometry
+from robots.inflatable.convention import SpeedConvention, speeds_by
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.rubbing import Rubbing
 from robots.inflatable.schedule import LONGEST_COLUMN
+from robots.inflatable.simulation import InflatableResult
 from robots.world import FLOORS, Terrain, friction_of_parts
+from taichi_sim.base.arrays import Floats
 
 HALF_STEP = "half the time step"
 WEIGHT = "bladders that keep their weight"
@@ -30,12 +33,18 @@ class Conditions:
         terrain: where.
         geometry: of the robot.
         actuation: how it is driven.
+        convention: by which its speed counts; None is the published one.
     """
 
     design: InflatableDesign
     terrain: Terrain
     geometry: InflatableGeometry
     actuation: InflatableActuation
+    convention: SpeedConvention | None = None
+
+    def speeds(self, result: InflatableResult) -> Floats:
+        """Speeds under these conditions, by their convention."""
+        return speeds_by(self.convention, result, self.geometry, self.actuation)
 
     @property
     def friction(self) -> tuple[float, float]:
@@ -91,6 +100,7 @@ def at_half_step(conditions: Conditions) -> Conditions:
         design=replace(conditions.design, schedule=replace(gait, motion_steps=motion, settle_steps=settle)),
         geometry=replace(geometry, time_step_safety=2 * geometry.time_step_safety),
         actuation=slower,
+        convention=conditions.convention and conditions.convention.slower(2),
     )
 
 

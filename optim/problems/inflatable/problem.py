@@ -20,19 +20,20 @@ from optim.problem import OK, Evaluation, Minibatch
 from optim.problems.inflatable.draws import Copies, Draws, UncertainDraws, eased
 from optim.problems.inflatable.outcomes import Condition, Outcomes, effort, hardened
 from optim.problems.inflatable.points import GaitPoints
-from optim.problems.inflatable.settings import GRADED_OPTIONS, RIG_FILE
+from optim.problems.inflatable.settings import RIG_FILE
 from optim.problems.robot_designing import subject_of
 from optim.problems.uncertain import check_part, held_out_products
 from robots.batches import grouped, in_groups
 from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation
 from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation, each_actuation
+from robots.inflatable.convention import counting_of, speeds_by
 from robots.inflatable.design import InflatableDesign, save_design
 from robots.inflatable.layout import told_layout
 from robots.inflatable.robot import InflatableRobot, core_pressure_rows
 from robots.inflatable.schedule import FEET
 from robots.inflatable.simulation import InflatableResult
-from robots.inflatable.timing import Counting, counted_steps, gait_steps, nominal_steps
+from robots.inflatable.timing import counted_steps, gait_steps, nominal_steps
 from robots.robot import Robot, part_of
 from robots.uncertainty import Risk, Score, Uncertainty
 from taichi_sim.base.arrays import Floats, Indices, Ints
@@ -152,22 +153,17 @@ class GaitProblem(GaitPoints):
         self, result: InflatableResult, drives: InflatableActuation | Sequence[InflatableActuation] | None = None
     ) -> Ints:
         """Time steps by which the speeds of a batch are counted, shape (N,); see :meth:`counted_steps`."""
-        if self.warm_up:  # whole cycles that follow it
-            return result.steps
+        if self.convention:
+            return self.convention.counted(result, self.actuation)
         each = each_actuation(self.actuation if drives is None else drives, len(result.status))
         if not self._timed:
             nominal = np.array([nominal_steps(self.columns * self.repeats, drive) for drive in each])
             return np.maximum(result.steps, nominal) if self._paced else nominal
-        if not self._set.isdisjoint(GRADED_OPTIONS):
-            return np.maximum(result.steps, self.most_steps)
         return np.maximum(result.steps, [nominal_steps(PUBLISHED_COLUMNS, drive) for drive in each])
 
     def speeds(self, result: InflatableResult) -> Floats:
         """Speeds of a batch [body lengths/s], shape (N,): the result's, or by what counts of a free graded gait."""
-        if self._set.isdisjoint(GRADED_OPTIONS):
-            return result.speed
-        lengths = self.stages * result.stages.min(axis=1) / self.body.body_length
-        return lengths / (self._counted(result) * result.time_step)
+        return speeds_by(self.convention, result, self.body, self.actuation)
 
     def _judged(
         self,
@@ -245,7 +241,7 @@ class GaitProblem(GaitPoints):
             actuation = dataclasses.replace(actuation, ramp_steps=self._relaxed_actuation.ramp_steps)
         settings: dict[str, Any] = {
             "geometry": self.body,
-            "counting": Counting(self.warm_up, self.stages),
+            "counting": counting_of(self.convention),
             **self.compute.options,
             "progress": progress,
         }
@@ -343,14 +339,12 @@ class GaitProblem(GaitPoints):
 
     def robot_of(self, point: ArrayLike) -> Robot:
         """The inflatable robot with the gait of a point, shape (D,); its speeds are counted as the search counts."""
-        gait = self.design(point)
         return InflatableRobot(
-            gait,
+            self.design(point),
             geometry=self.geometry,
             weight=self.weight,
             properties=self.properties,
-            speeds=self.speeds,
-            counted_steps=None if self.steps is None else self.counted_steps(gait),
+            convention=self.convention,
         )
 
     def products(self, point: ArrayLike) -> Mapping[str, Callable[[Path], None]]:
@@ -379,7 +373,9 @@ class GaitProblem(GaitPoints):
 
     def logged(self, point: ArrayLike, best: float | None, details: Mapping[str, Any]) -> list[dict[str, float]]:
         """Speed on each terrain, and the distance that it comes to [m]."""
-        metres = self.body.body_length * self.counted_steps(self.design(point)) * self.body.time_step
+        design, rule = self.design(point), self.convention
+        steps = rule.counted_of(design.schedule, self.actuation) if rule else self.counted_steps(design)
+        metres = self.body.body_length * steps * self.body.time_step
         speeds = [details.get(f"speed_{terrain.name}") for terrain in self.terrains]
         return [{} if v is None else {"speed": v, "distance": float(v * metres)} for v in speeds]
 

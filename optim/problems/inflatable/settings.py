@@ -18,11 +18,12 @@ from optim.problems.uncertain import checked_uncertain
 from robots.calibration import Properties, robot_of
 from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation
 from robots.inflatable.body import NAMED_GEOMETRIES, InflatableGeometry
+from robots.inflatable.convention import SpeedConvention
 from robots.inflatable.design import Pressure, checked_pressure, each_pressure
 from robots.inflatable.layout import Layout, checked_layout, told_layout
 from robots.inflatable.materials import MOST_MODULUS, RegionMaterials
 from robots.inflatable.schedule import BLADDERS, MOST_COLUMNS, MOST_REPEATS, GaitSchedule
-from robots.inflatable.timing import nominal_steps
+from robots.inflatable.timing import Counting, nominal_steps
 from robots.robot import KINDS, Facts, World
 from robots.uncertainty import Uncertainty
 from robots.world import Terrain
@@ -223,6 +224,13 @@ class GaitSettings(RobotDesigning):
         """Time steps that a gait with times of its own may take."""
         return nominal_steps(PUBLISHED_COLUMNS, self.actuation) if self.steps is None else self.steps
 
+    @cached_property
+    def convention(self) -> SpeedConvention | None:
+        """How speeds count of which the options of a free graded gait say so; None is the published convention."""
+        if self._set.isdisjoint(GRADED_OPTIONS):
+            return None
+        return SpeedConvention(Counting(self.warm_up, self.stages), self.steps)
+
     @property
     def shape(self) -> ShapeGenes:
         """Variables of orientation and the body's shape."""
@@ -274,8 +282,7 @@ class GaitSettings(RobotDesigning):
         held += [f"bladders {told_layout(self.bladders)}"] if self.bladders is not None else []
         held += ["gait"] if self.schedule is not None else []
         aim = "mean speed over the terrains" if self.objectives == "mean" else "speed on each terrain"
-        steps = self.steps
-        convention = "by the published convention" if steps is None else f"of {steps:,} time steps"
+        convention = "by the published convention" if self.convention is None else self.convention.spoken
         times = {1: "once", 2: "twice"}.get(self.repeats, f"{self.repeats} times")
         often = f"as often as {self.most_steps:,} time steps allow" if self.graded else times
         full = "" if self.most_full is None else f", at most {self.most_full:g} bladders full at a time"

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from robots.inflatable import simulation
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
+from robots.inflatable.convention import SpeedConvention, counting_of, speeds_by
 from robots.inflatable.design import InflatableDesign, kilopascals
 from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.timing import gait_steps
@@ -29,7 +30,7 @@ def save_motion_picture(
     geometry: InflatableGeometry = PUBLISHED,
     actuation: InflatableActuation = ACTUATION,
     frames: int = 6,
-    counted_steps: int | None = None,
+    convention: SpeedConvention | None = None,
 ) -> InflatableResult:
     """Simulate a design of the inflatable robot in single precision and write the picture of its motion.
 
@@ -40,7 +41,7 @@ def save_motion_picture(
         geometry: shape and materials of the robot.
         actuation: timing, friction and rates.
         frames: poses to draw; at least 2.
-        counted_steps: number of time steps over which the title's speed is computed; None for the published convention.
+        convention: by which the title's speed counts; None for the published one.
 
     Returns:
         The result, with the frames recorded for the picture.
@@ -51,10 +52,15 @@ def save_motion_picture(
     frames = whole_number("frames", frames, 2)
     every = max(gait_steps(design.schedule, actuation) // ((frames - 1) * PATH_POINTS), 1)
     result = simulation.simulate(
-        design, terrain, geometry=geometry, actuation=actuation, precision="f32", record_every=every
+        design,
+        terrain,
+        geometry=geometry,
+        actuation=actuation,
+        counting=counting_of(convention),
+        precision="f32",
+        record_every=every,
     )
-    if counted_steps is not None:
-        result = replace(result, speed=result.speed_simulated * (result.steps / counted_steps))
+    result = replace(result, speed=speeds_by(convention, result, geometry, actuation))
     save_picture(inflatable_picture(result, design, terrain, actuation=actuation, frames=frames), Path(path))
     return result
 
