@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from graded import TINY
+from graded import GRIPPING, TINY
 
 from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.uncertain import TrialWorlds
@@ -90,6 +90,19 @@ def test_half_the_time_step_counts_twice_as_many():
     assert at_half_step(given).convention == SpeedConvention(Counting(4000, 2), 10000)
     assert SpeedConvention().slower(2) == SpeedConvention()
     assert SpeedConvention().least_steps(at_half_step(given).actuation) == pytest.approx(2 * PUBLISHED_STEPS, abs=100)
+
+
+@pytest.mark.kernels
+def test_another_body_has_its_own_length_and_another_gait_the_usual_convention(tiny, monkeypatch):
+    monkeypatch.setitem(NAMED_GEOMETRIES, "published", GRIPPING)
+    made, point = searched()
+    robot = made.robot_of(point)
+    other = robot.changed({"geometry": "published"})
+    outcome = played(other)
+    steps = max(5000, int(outcome.steps[0]))
+    expected = outcome.measures["distance"] / GRIPPING.body_length / (steps * GRIPPING.time_step)
+    assert outcome.measures["speed"] == pytest.approx(expected, rel=1e-12) and GRIPPING.body_length != TINY.body_length
+    assert robot.changed({"repeats": 1}).convention is None
 
 
 def test_results_of_another_number_of_stages_are_refused():
