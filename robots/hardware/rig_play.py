@@ -6,7 +6,7 @@ is a second of the simulation.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Unpack
 
 import numpy as np
@@ -132,8 +132,8 @@ def play_tables(
 ) -> InflatableResult:
     """Simulate robots while rigs play their tables, as one batch.
 
-    Distance counts from the end of a table's state 0, which shapes the body, to the end of its last loop;
-    ``speed_simulated`` divides by that time of the rig. Poses are recorded only of tables that last equally long.
+    Distance counts from the end of a table's state 0, which shapes the body, to the end of its last loop; ``speed``
+    and ``speed_simulated`` divide by that time of the rig. Poses are recorded only of tables that last equally long.
 
     Raises:
         ValueError: if an argument is not allowed.
@@ -150,7 +150,8 @@ def play_tables(
     terrains = [play.terrain for play in plays]
     engine = engine_of(geometry, terrains, actuation, Compute.given(compute), designs, starts)
     run = engine.run(program, progress)
-    return summarise(run, program, designs, geometry, actuation, WHOLE, record_every, terrains)
+    found = summarise(run, program, designs, geometry, actuation, WHOLE, record_every, terrains)
+    return replace(found, speed=found.speed_simulated)  # no convention of the simulator's time is that of a rig
 
 
 def _write_play(

@@ -280,17 +280,16 @@ class InflatableRobot(Robot):
         """Distance, drift and speeds."""
         numbers = {name: float(values[0]) for name, values in outcome.measures.items()}
         side = "left" if numbers["sideways"] >= 0 else "right"
-        told = "published convention" if self.convention is None else self.convention.spoken
         text = (
             f"distance {decimal(numbers['distance'])} m, {decimal(abs(numbers['sideways']))} m to the {side}, "
-            f"speed {decimal(numbers['speed'])} BL/s ({told}; {decimal(numbers['speed_simulated'])} "
-            "in the time simulated)"
+            f"speed {decimal(numbers['speed'])} BL/s "
         )
         if self.rig is not None:
             from robots.inflatable.on_rig import speed_lines
 
-            text += "\n" + speed_lines(self.rig, numbers)
-        return text
+            return f"{text}(in the rig's time)\n{speed_lines(self.rig, numbers)}"
+        told = "published convention" if self.convention is None else self.convention.spoken
+        return f"{text}({told}; {decimal(numbers['speed_simulated'])} in the time simulated)"
 
     def facts_of(self, point: ArrayLike) -> Facts:
         """Shape, heading and gait."""

@@ -22,6 +22,7 @@ from robots.hardware.rig_response import (
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
 from robots.inflatable.on_rig import speed_lines
 from robots.world import Terrain
+from taichi_sim.base.short_text import decimal
 
 AT = np.arange(0.0, 10.0, 0.01)
 SHORT = replace(INCHING, schedule=INCHING.schedule.cut(2, 1))
@@ -202,6 +203,11 @@ def test_an_ideal_rig_plays_the_designs_bits(morpholab, tmp_path, monkeypatch, f
     designed = json.loads(outs[0])["speed_simulated"]
     assert found["speed_designed"] == designed and found["speed_with_slew"] == found["speed_as_commanded"]
     assert found["speed_with_lag"] == found["speed_simulated"] and "speed_with_delay" not in found
+    times, _, shaped, _ = commanded(read_csv("gait.csv"))
+    played = (times[-1] - shaped) * NAMED_GEOMETRIES["small"].body_length
+    assert found["speed"] == found["speed_simulated"] == pytest.approx(found["distance"] / played, rel=1e-3)
+    out = morpholab(f"simulate --table gait.csv --rig dissertation-lag {options.removesuffix('--json')}")[1]
+    assert f"speed {decimal(found['speed'])} BL/s (in the rig's time)\n" in out and "convention" not in out
 
 
 @pytest.mark.parametrize(
