@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from robots.inflatable import (
     INCHING,
     PUBLISHED,
     ROLLING,
+    SMALL,
     InflatableActuation,
     InflatableDesign,
     InflatableGeometry,
@@ -26,6 +28,7 @@ from robots.inflatable.timing import nominal_steps, play, stroke
 from robots.world import Terrain, gravity_vector
 from taichi_sim.lattice import Quantity
 from taichi_sim.lattice.faces import corners, half_extents, mean_of_face_corners
+from taichi_sim.lattice.topology import SIDES
 
 QUICK = InflatableActuation(inflation_rate=0.01, pressure_ramp=50.0, hold_steps=100, settle_steps=60)
 TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
@@ -51,6 +54,18 @@ def test_the_skins_are_joined_along_the_edges_only():
     ends = body.voxels[body.topology.links]
     across = (ends[:, 0, 2] == 2) & (ends[:, 1, 2] == 3)
     assert set(ends[across, 0, 0]) == {1, 15} and across.sum() == 2 * 22
+
+
+@pytest.mark.parametrize(("geometry", "faces", "outside"), [(SMALL, 1196, 908), (PUBLISHED, 1988, 1416)])
+def test_faces_that_count_for_a_place_are_sides_without_a_link_as_gait_files_say(geometry, faces, outside):
+    """Inner faces of the cut core count, so a program that takes the outside alone tells other distances."""
+    body = geometry.body
+    taken = {tuple(voxel) for voxel in body.voxels.tolist()}
+    beside = body.voxels[body.topology.faces[:, 0]] + SIDES[body.topology.faces[:, 1]]
+    assert len(beside) == 6 * body.voxel_count - 2 * len(body.topology.links) == faces
+    assert sum(tuple(place) not in taken for place in beside.astype(int).tolist()) == outside
+    pages = (Path(__file__).parents[3] / "docs" / "gait-files.md").read_text()
+    assert "sides of its voxels that have no link" in pages and str(faces) in pages and str(outside) in pages
 
 
 def test_steps_of_the_published_gaits():
