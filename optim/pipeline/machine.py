@@ -216,7 +216,8 @@ def replay_package(
             [table.played()] * runs, ground, **settings, progress=part_of(progress, len(found), parts)
         )
         replayed = float(np.mean(run.speed))
-        found.append(Replayed(state["name"], state["speed_bl_per_s"], replayed, course_difference(table, actuation)))
+        course = course_difference(table, actuation, geometry.time_step)
+        found.append(Replayed(state["name"], state["speed_bl_per_s"], replayed, course))
     if rig is None:
         return found
     for place, state in enumerate(states):

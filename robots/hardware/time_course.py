@@ -42,10 +42,18 @@ class CourseDifference:
         )
 
 
-def course_difference(table: GaitTable, actuation: InflatableActuation = ACTUATION) -> CourseDifference:
-    """Compare the course of a table's rows with that of the gait in its header, state by state."""
+def course_difference(
+    table: GaitTable, actuation: InflatableActuation = ACTUATION, time_step: float = TIME_STEP
+) -> CourseDifference:
+    """Compare the course of a table's rows with that of the gait in its header, state by state.
+
+    Args:
+        table: with rows and header.
+        actuation: how the simulated robot is driven.
+        time_step: of its simulation [s], shorter for a stiffer robot than the published.
+    """
     shares = (np.arange(SAMPLES) + 0.5) / SAMPLES
-    designed, seconds = designed_course(table.design, shares, actuation)
+    designed, seconds = designed_course(table.design, shares, actuation, time_step)
     rows, lasting = table_course(table, shares)
     off = np.abs(rows - designed)
     worst = int(off.max(axis=(0, 1)).argmax())
@@ -53,7 +61,9 @@ def course_difference(table: GaitTable, actuation: InflatableActuation = ACTUATI
     return CourseDifference(float(lasting / seconds), float(off.mean()), float(off.max()), name)
 
 
-def designed_course(design: InflatableDesign, shares: Floats, actuation: InflatableActuation) -> tuple[Floats, float]:
+def designed_course(
+    design: InflatableDesign, shares: Floats, actuation: InflatableActuation, time_step: float = TIME_STEP
+) -> tuple[Floats, float]:
     """Levels of bladders and feet in the simulator at shares of columns, shape (N, S, 10); how long they take [s]."""
     columns, steps = play(design.schedule, actuation)
     empty, full = rest_levels(actuation)
@@ -65,7 +75,7 @@ def designed_course(design: InflatableDesign, shares: Floats, actuation: Inflata
         bladders = (motion.levels + motion.direction * gone - empty) / (full - empty)
         grips = np.broadcast_to(np.asarray(column.grip, float), (len(shares), len(column.grip)))
         found.append(np.concatenate([np.clip(bladders, 0.0, 1.0), grips], axis=1))
-    return np.array(found), float(steps * TIME_STEP)
+    return np.array(found), float(steps * time_step)
 
 
 def table_course(table: GaitTable, shares: Floats) -> tuple[Floats, float]:

@@ -18,7 +18,9 @@ from optim.pipeline.plans import best_of_one_gait, best_of_one_shape, change_tim
 from optim.pipeline.trials import KeptSimulations, NoWorkingGait, State, check_working
 from robots.calibration import Properties, load_calibration, save_properties, weight_of_calibration
 from robots.hardware import read_csv
-from robots.inflatable import INCHING, ROLLING
+from robots.hardware.table import TIME_STEP
+from robots.hardware.time_course import course_difference
+from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
 from taichi_sim.base.results_folder import ResultsFolder
 
 TIMES = (11.5, 4.7)
@@ -147,7 +149,13 @@ def test_a_package_of_a_rig(task, tmp_path, morpholab):
     page = (package / "report.html").read_text()
     assert "flat: friction 0.56,0.7 (wood); hill:3: friction" in page and "weight of bladders: physical" in page
     replay = f"pipeline --replay {package} --quiet --json --threads 1"
-    speeds = [(state["replayed"], state["designed"]) for state in json.loads(morpholab(replay)[1])["states"]]
+    states = json.loads(morpholab(replay)[1])["states"]
+    speeds = [(state["replayed"], state["designed"]) for state in states]
+    geometry, drive = fitted.robot(NAMED_GEOMETRIES["small"])
+    tables = [read_csv(package / state["table"]) for state in machine["states"]]
+    stretches = [course_difference(table, drive, geometry.time_step).stretch for table in tables]
+    assert [state["course"]["stretch"] for state in states] == pytest.approx(stretches, rel=1e-6)
+    assert geometry.time_step != TIME_STEP
     assert all(replayed == pytest.approx(designed, rel=1e-3) for replayed, designed in speeds)
     del machine["simulated"]["properties"]
     (package / "machine.json").write_text(json.dumps(machine))

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robots.calibration import Properties
 from robots.hardware import PneumaticRig, gait_table
 from robots.hardware.time_course import course_difference, designed_course, table_course
-from robots.inflatable import INCHING, ROLLING
+from robots.inflatable import INCHING, PUBLISHED, ROLLING
 from robots.inflatable.actuation import ACTUATION
-from robots.inflatable.timing import gait_timeline
+from robots.inflatable.timing import gait_steps, gait_timeline
 
 SHARES = np.array([0.001, 0.25, 0.5, 0.999])
 
@@ -29,6 +30,16 @@ def test_feet_of_a_rig_take_strokes_that_the_simulator_has_not():
     assert found.stretch == pytest.approx(1.616, abs=0.001)
     assert found.actuator.startswith("foot") and found.largest > 0.9 and 0.0 < found.mean < 0.15
     assert str(found).startswith("its rows take 1.62 times as long") and found.actuator in str(found)
+
+
+def test_a_stiffer_robot_takes_shorter_steps():
+    stiff = Properties(friction=1.0, low_friction=0.1, modulus=4 * PUBLISHED.youngs_modulus, inflation_rate=1.0)
+    geometry, actuation = stiff.robot(PUBLISHED)
+    table, shorter = gait_table(INCHING), geometry.time_step / PUBLISHED.time_step
+    found = course_difference(table, actuation, geometry.time_step)
+    assert shorter < 0.6
+    assert found.stretch == pytest.approx(course_difference(table, actuation).stretch / shorter, rel=1e-6)
+    assert found.stretch == pytest.approx(32 / (gait_steps(INCHING.schedule, actuation) * geometry.time_step), rel=1e-3)
 
 
 def test_a_rig_with_the_simulators_strokes_differs_by_none():
