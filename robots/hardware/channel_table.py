@@ -2,13 +2,14 @@
 
 A table has the form of a gait table, with a state for each straight piece of a wave: the prefix brings vented lines to
 where the cycle begins and plays it once, the main is one cycle, to be looped, and the suffix vents the lines. Channels
-are on the lines of bladders, in their order; lines without a channel stay vented. Valves' delays shift all of a wave
-alike, so no state waits for them.
+are on the lines of bladders, in their order; lines without a channel stay vented. Delays of valves shift all of a wave
+alike, so no state waits for them; where they are not alike, lines play out of phase, which is warned of.
 """
 
 import json
 import math
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -28,6 +29,7 @@ from taichi_sim.base.parsing import parse_json
 SCHEMA = "morpholab-channels-1"
 LINES = BLADDER_LINES  # those that channels can be on
 _SHORTEST = 1e-6  # of a state [s]
+_IN_PHASE = 0.02  # of a cycle: delays of lines may differ by so much without a word
 _TIMES = 1e-6  # to which times of rows are rounded [s]
 
 
@@ -212,8 +214,30 @@ def channel_table(
         commands = _commands(waves, rhythm, rig, keep_slew=True)
     line = timeline(commands, quick, rate)
     told, pressures = tuple(map(str, found)), line.pressures / KPA_PER_UNIT[units]
-    return ChannelTable(
+    table = ChannelTable(
         line.times, line.numbers, pressures, units, robot, rhythm, tuple(waves), seed, rig.name, rate, told, line.states
+    )
+    if late := _out_of_phase(table, rig):
+        warnings.warn(late, stacklevel=2)
+    return table
+
+
+def _out_of_phase(table: ChannelTable, rig: PneumaticRig) -> str:
+    """By how much a rig's valves put the lines of a table out of phase; empty if by next to nothing."""
+    delays = {
+        name: channel.valve_delay_s
+        for name, channel, commands in zip(rig.channel_names, rig.channels, table.pressures.T, strict=True)
+        if name in LINES and np.ptp(commands) > 0
+    }
+    if not delays:
+        return ""
+    first, last = min(delays, key=delays.__getitem__), max(delays, key=delays.__getitem__)
+    late = delays[last] - delays[first]
+    if late <= _IN_PHASE * (cycle := table.durations["main"]):
+        return ""
+    return (
+        f"rig: {last} answers {late:g} s later than {first}, {late / cycle:.3g} cycles, and rows make up for no delay, "
+        "so lines are out of phase by as much; give their valves equal delays, or play more slowly"
     )
 
 

@@ -1,5 +1,6 @@
 import pickle
 import re
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.hardware import CHANNELS, KPA_PER_UNIT, PRESETS, Channel, LineMap, PneumaticRig, gait_table
+from robots.hardware.channel_table import Calibration, Rhythm, Wave, channel_table
 from robots.hardware.stream import Sample, stream_of
 from robots.hardware.units import Unit, refused
 from robots.inflatable import ROLLING
+from taichi_sim.base.arrays import Floats
 
 
 @pytest.mark.long
@@ -242,3 +245,26 @@ def test_what_a_rig_in_psi_refuses_is_told_in_psi(tmp_path):
         gait_table(ROLLING, rig)
     clipped = gait_table(ROLLING, rig, on_violation="clip").clipped
     assert clipped and all("psi" in line and "kPa" not in line for line in clipped)
+
+
+def waiting(delays: dict[int, float], frequency: float = 1.7) -> Floats:
+    """Pressures of two waves on the lines of a rig some of whose valves have delays [s]."""
+    channels = list(PneumaticRig().channels)
+    for line, channel in enumerate(channels):
+        channels[line] = replace(channel, slew_kpa_per_s=1e4, valve_delay_s=delays.get(line, 0.0))
+    values = np.sin(2 * np.pi * np.arange(16) / 16)
+    waves = [Wave(name, values, Calibration(-1.0, 1.0, 0.0, 20.0), {}) for name in ("legs", "arms")]
+    rig = PneumaticRig(channels=tuple(channels))
+    return channel_table("robot", waves, Rhythm(frequency, 2, 1.0, 16), rig).pressures
+
+
+def test_valves_that_put_channels_out_of_phase_are_warned_of():
+    """Rows wait for no valve, so a quarter of a second on one line of two is most of a half cycle."""
+    told = r"^rig: bladder2 answers 0.25 s later than bladder1, 0.425 cycles, and rows make up for no delay, so lines"
+    with pytest.warns(UserWarning, match=told):
+        late = waiting({2: 0.25})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for alike in ({}, {1: 0.25, 2: 0.25}, {2: 0.01}, {0: 0.25, 7: 0.25}):  # no channel is on the last two
+            assert np.array_equal(waiting(alike), late)
+        waiting({2: 0.25}, frequency=0.05)
