@@ -20,7 +20,7 @@ from taichi_sim.autodiff.arrays import value_of
 from taichi_sim.autodiff.tracing import Traced
 from taichi_sim.base.checks import known_names
 from taichi_sim.base.files import content_of, sha256
-from taichi_sim.base.foreign import users_code
+from taichi_sim.base.foreign import modules_beside, users_code
 from taichi_sim.base.registry import Registry
 
 OF_OBJECTIVES = ("mean", "each", "worst")  # words that say how worlds are combined
@@ -129,7 +129,7 @@ def checked_own_measures(given: Iterable[Any], others: Collection[str]) -> tuple
         ValueError: for a name that no package has or the robot tells anyway, what is no measure, or one given twice.
     """
     if isinstance(given, str) or not isinstance(given, Iterable):
-        raise ValueError(f"own_measures: {given!r} is not allowed; give several, such as ('drift',)")
+        raise ValueError(f"own_measures: {given!r} is not allowed; give a tuple, such as ('drift',)")
     found = tuple(_found(each) for each in given)
     for number, each in enumerate(found):
         if not isinstance(each, OwnMeasure):
@@ -179,7 +179,7 @@ def _measures_of_file(file: RobotFile) -> dict[str, OwnMeasure]:
     Raises:
         ValueError: if it fails, or is another one by now.
     """
-    with users_code(file.path):
+    with users_code(file.path), modules_beside(os.path.dirname(file.path)):
         if sha256(content_of(file.path)) != file.sha256:
             raise ValueError("it has changed since the search began")
         robot = runpy.run_path(file.path)["robot"]

@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import runpy
-import sys
 import tempfile
 from collections.abc import Mapping
 from functools import cached_property
@@ -32,7 +31,7 @@ from optim.problems.robot_designing import RobotDesigning
 from optim.space import Space, Variable
 from robots.own_measures import RobotFile, of_file
 from taichi_sim.base.files import content_of, sha256, why_unread
-from taichi_sim.base.foreign import blamed, users_code
+from taichi_sim.base.foreign import blamed, modules_beside, users_code
 from taichi_sim.base.short_text import counted
 
 GIVEN = ("name", "unit", "gradient")  # what a file may say beside its function and bounds
@@ -211,12 +210,8 @@ def _run(file: str, source: bytes, folder: str) -> tuple[SimpleNamespace, str]:
     with tempfile.TemporaryDirectory() as aside:
         copy = Path(aside) / file  # what is run is what was read, whatever becomes of the file
         copy.write_bytes(source)
-        sys.path.insert(0, folder)
-        try:
-            with users_code(f"problem: {file}"):
-                return SimpleNamespace(**runpy.run_path(str(copy), run_name="morpholab_problem")), str(copy)
-        finally:
-            sys.path.remove(folder)
+        with users_code(f"problem: {file}"), modules_beside(folder):
+            return SimpleNamespace(**runpy.run_path(str(copy), run_name="morpholab_problem")), str(copy)
 
 
 def _defined(names: SimpleNamespace, file: str) -> Problem:

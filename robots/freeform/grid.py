@@ -1,5 +1,6 @@
 """A grid of cells, its symmetry, and smooth maps over it."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -28,9 +29,11 @@ class Grid:
     symmetry: str = ""
 
     def __post_init__(self) -> None:
-        shape = tuple(self.shape)
-        if len(shape) != 3:
-            raise ValueError(f"shape: {shape} is not allowed; give the numbers of cells along x, y and z")
+        shape = tuple(self.shape) if isinstance(self.shape, Iterable) else self.shape
+        if not isinstance(shape, tuple) or len(shape) != 3:
+            raise ValueError(
+                f"shape: {shape} is not allowed; give the numbers of cells along x, y and z, such as (12, 4, 3)"
+            )
         object.__setattr__(self, "shape", tuple(whole_number("shape", side, 1) for side in shape))
         positive("voxel_size", self.voxel_size, 1e3)
         if set(self.symmetry) - set("xyz") or len(set(self.symmetry)) < len(self.symmetry):

@@ -16,7 +16,7 @@ from robots.lattice_robot.robot import LatticeRobot
 from robots.own_measures import RobotFile, of_file
 from robots.robot import KINDS, Robot
 from robots.world import STANDARD_GRAVITY
-from taichi_sim.base.foreign import users_code
+from taichi_sim.base.foreign import modules_beside, users_code
 from taichi_sim.lattice.files import VoxelFile, load_voxel_file
 
 AnyRobot = TypeVar("AnyRobot", bound=Robot)
@@ -96,7 +96,7 @@ def robot_of_python(path: Path, kind: type[AnyRobot]) -> AnyRobot:
     Raises:
         ValueError: one line that names the file and what is wrong with it.
     """
-    with users_code(path):
+    with users_code(path), modules_beside(path.parent):
         names = runpy.run_path(str(path))
     robot = names.get("robot")
     if not isinstance(robot, kind):

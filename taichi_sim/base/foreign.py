@@ -2,9 +2,12 @@
 
 import contextlib
 import errno
+import os
+import sys
 import traceback
 from collections.abc import Iterator
 from importlib import metadata
+from pathlib import Path
 from types import FrameType
 
 # What loaders, compilers and C++ say where memory ends; the last is of a thread whose stack finds no place.
@@ -14,7 +17,10 @@ NO_MEMORY = (
 )
 BLAMED = "a fault of "  # how notes at exceptions begin that say whose fault they are
 LONGEST_SAID = 300  # characters of what an exception says
+OWN_PACKAGES = "morpholab", "optim", "robots", "taichi_sim"
 GROUPS = "morpholab."  # how the names of all groups of entry points begin
+
+_homes: dict[str, Path] = {}  # folders of modules that users' files have imported from beside them, by name
 
 
 @contextlib.contextmanager
@@ -47,6 +53,34 @@ def users_code(file: object) -> Iterator[None]:
         if lacks_memory(error):
             raise
         raise ValueError(f"{file}: {type(error).__name__}: {_said(error)}") from None
+
+
+@contextlib.contextmanager
+def modules_beside(folder: str | os.PathLike[str]) -> Iterator[None]:
+    """Run a user's file of a folder inside, which may import the modules beside it.
+
+    It does not get those that a file of another folder has imported by the same names.
+    """
+    place = Path(os.path.realpath(folder))
+    for name, home in list(_homes.items()):
+        if home != place and any((place / each).exists() for each in (f"{name}.py", name)):
+            del _homes[name]
+            for each in [each for each in sys.modules if each.partition(".")[0] == name]:
+                del sys.modules[each]
+    before = {*sys.modules, *OWN_PACKAGES}
+    sys.path.insert(0, str(place))
+    try:
+        yield
+    finally:
+        with contextlib.suppress(ValueError):  # the file may have changed the path itself
+            sys.path.remove(str(place))
+        _homes.update({name: place for name in sys.modules.keys() - before if _lies_in(place, name)})
+
+
+def _lies_in(folder: Path, name: str) -> bool:
+    """Whether an imported module is a file of a folder, or a package in it."""
+    file = getattr(sys.modules[name], "__file__", None)
+    return isinstance(file, str) and Path(file) in (folder / f"{name}.py", folder / name / "__init__.py")
 
 
 @contextlib.contextmanager

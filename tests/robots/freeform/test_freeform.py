@@ -292,6 +292,10 @@ def test_descriptions_make_the_same_robot_again():
     ("make", "told"),
     [
         (lambda: Grid((3, 0, 1)), "shape: 0 is not allowed"),
+        (
+            lambda: Grid(4, 2),
+            r"shape: 4 is not allowed; give the numbers of cells along x, y and z, such as \(12",
+        ),
         (lambda: Grid((3, 2)), r"shape: \(3, 2\) is not allowed; give the numbers of cells along x, y and z"),
         (lambda: Grid(symmetry="q"), "symmetry: 'q' is not allowed; give some of xyz, each once"),
         (lambda: Grid((4, 1, 1), symmetry="y"), "symmetry: 'y' does not fit 1 cell along y; give at least 2 cells"),

@@ -164,7 +164,7 @@ def test_what_is_no_measure_is_refused(bar):
     with pytest.raises(ValueError, match=r"^law: 3 is no function"):
         OwnMeasure("three", law=3)
     for given, told in (
-        ("side", "'side' is not allowed; give several, such as"),
+        ("side", "'side' is not allowed; give a tuple, such as"),
         (("side",), "'side' is unknown; no installed package has measures"),
         ((OWN[0], OWN[0]), "own_speed is given twice; give each once"),
         ((OwnMeasure("speed", law=speed),), "speed is a measure that the robot has anyway; call yours otherwise"),
