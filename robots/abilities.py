@@ -1,5 +1,6 @@
 """Optional abilities of robots; a kind that lacks one raises a one-line error or returns an empty result."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -72,6 +73,18 @@ class Abilities:
             ValueError: if robots of this kind have no voxels, or the file cannot hold them.
         """
         raise ValueError(f"voxels: {KINDS.of(self).title} has no such file; leave it out")
+
+    @property
+    def lasts(self) -> float:
+        """Time that a motion takes, if nothing ends it before [s]; infinite where only a simulation tells."""
+        return math.inf
+
+    def check_gradients(self, world: World) -> None:
+        """Refuse, before any work, a world in which a robot with gradients has none.
+
+        Raises:
+            ValueError: that says what to change.
+        """
 
     def at_horizon(self, length: int) -> tuple[str, "Robot"]:
         """Name of a trial length, in the unit of this kind, and this robot with trials of that length.

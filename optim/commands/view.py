@@ -13,13 +13,14 @@ from optim.problems import precision_of_run
 from optim.progress import Update, shown_progress
 from optim.runs.history import read_history
 from optim.wording import spoken_size
-from robots.robot import RobotKind, World
+from robots.robot import Robot, RobotKind, World
 from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion
 
 
+WELL_AFTER = 1.01  # times how long a motion lasts, whose last frame may be a little off
 COMMAND = Command(
     "view",
     "see robots move, in a browser and in pictures",
@@ -60,6 +61,8 @@ def run(args: argparse.Namespace) -> Report:
     robots = [
         loaded(each, args.parser.values(args, each.kind, *kinds), args.member if each.run else None) for each in named
     ]
+    if args.at is not None:
+        _check_moment(args.at, [robot for robot, _ in robots])
     motions: list[Motion] = []
     others = [_others(each.kind, worlds) if each.run else "" for each, (_, worlds) in zip(named, robots, strict=True)]
     with shown_progress(args.sources[0], float(count), args.quiet) as update:
@@ -88,6 +91,13 @@ def run(args: argparse.Namespace) -> Report:
         for a, more in zip(about, others, strict=True)
     ]
     return Report(document, "\n".join([*told, *(f"{path}: {spoken_size(size)}" for path, size in files)]))
+
+
+def _check_moment(at: float, robots: Sequence[Robot]) -> None:
+    """Refuse a time after the end of a motion, before it is simulated; its frames tell the end exactly."""
+    for robot in robots:
+        if at > WELL_AFTER * robot.lasts:
+            raise ValueError(f"at: {at:g} s is not allowed; {robot.name} moves for {robot.lasts:.4g} s")
 
 
 def _seconds(time: float) -> str:

@@ -126,7 +126,7 @@ class JudgedRobot(RobotDesigning):
         if not gradients and sharpness == math.inf:
             return self.evaluate(points)
         if gradients:
-            self.check_true_gradients()
+            self.check_gradients()
         measures = tuple(self._objective.differentiated(self.judged_by)) if gradients else ()
         trial = Trial(
             self.tried_in[0],
@@ -150,11 +150,15 @@ class JudgedRobot(RobotDesigning):
                     "meet none; choose one of true robots, such as nes, genetic or lamarckian"
                 )
 
-    def check_true_gradients(self) -> None:
-        """Raise a one-line ValueError if the robot has no gradients."""
+    def check_gradients(self) -> None:
+        """Raise a one-line ValueError if the robot has no gradients, or none in one of its worlds."""
         if not self.offered.differentiable:
             title = KINDS.of(self.offered).title
             raise ValueError(f"robot: {title} has no gradients; choose a method that needs none")
+        for world in self.tried_in:
+            self.offered.check_gradients(world)
+
+    check_true_gradients = check_gradients  # those of mixtures are of the same laws
 
     def check_minibatch(self, size: int) -> None:
         """Refuse minibatches, before any work, if the objective over a few worlds or draws means something else.

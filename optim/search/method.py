@@ -141,6 +141,9 @@ def check_fit(method: Method, problem: Judging) -> None:
     takes_gradients = getattr(method, "takes_gradients", False)
     if takes_gradients:
         relaxation_of(problem)
+        # Gradients that are estimated from values alone need none of the problem's own.
+        if getattr(method, "exact", True) and hasattr(problem, "check_gradients"):
+            problem.check_gradients()
     if getattr(problem, "gradient_horizon", None) is not None and not takes_gradients:
         raise ValueError("gradient_horizon: it is not allowed with a method that takes no gradients; leave it out")
     if (size := getattr(method, "minibatch_size", None)) is not None:

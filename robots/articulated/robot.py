@@ -13,7 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.articulated.reflexes import PARTS, DriveReflexes, network_of
-from robots.articulated.simulation import GROUND, felt_over_time, ground_place, sensed_of, try_points
+from robots.articulated.senses import checked_place
+from robots.articulated.simulation import (
+    GROUND,
+    check_gradients,
+    felt_over_time,
+    ground_place,
+    sensed_of,
+    try_points,
+)
 from robots.outcome import recorded
 from robots.own_measures import OwnMeasure, checked_own_measures, records_of
 from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World
@@ -129,7 +137,7 @@ class ArticulatedRobot(Robot):
         if self.slip is not None:
             checks.positive("slip", self.slip)
         if self.light is not None:
-            object.__setattr__(self, "light", _place("light", self.light))
+            object.__setattr__(self, "light", checked_place("light", self.light))
         model = parse_model(self.text, **{name: getattr(self, name) for name in READING})
         object.__setattr__(self, "model", model)
         self._check_command_rate()
@@ -196,6 +204,11 @@ class ArticulatedRobot(Robot):
     def steps(self) -> int:
         """Number of time steps in a trial."""
         return max(1, round(self.duration / self.physics.time_step))
+
+    @property
+    def lasts(self) -> float:
+        """Time of a trial [s]."""
+        return self.steps * self.physics.time_step
 
     @property
     def hold(self) -> int:
@@ -266,7 +279,7 @@ class ArticulatedRobot(Robot):
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Simulate the robot at N points, with the gradients of measures if wanted."""
         found = try_points(self, points, trial)
-        seconds = self.steps * self.physics.time_step
+        seconds = self.lasts
         slopes = dict(found.gradients)
         if found.gradient is not None:
             slopes["speed"] = found.gradient / seconds
@@ -275,6 +288,10 @@ class ArticulatedRobot(Robot):
         if frames:
             frames["angles"] = frames["angles"] + [hinge.rest for hinge in self.model.tree.hinges]
         return Outcome(measures, found.status, steps=found.steps, gradients=slopes, frames=frames, result=found)
+
+    def check_gradients(self, world: World) -> None:
+        """Refuse Coulomb friction, which has no derivatives."""
+        check_gradients(self, world)
 
     @property
     def sees(self) -> bool:
@@ -388,10 +405,3 @@ def _check_effect(settings: Mapping[str, Any]) -> None:
         if (value := settings.get(name, kept)) != kept:
             out = "leave it out" if kept is None else f"leave it at {kept:g}"
             raise ValueError(f"{name}: {value!r} is not allowed with a network, which has no rhythm; {out}")
-
-
-def _place(field_name: str, value: object) -> tuple[float, float, float]:
-    if not isinstance(value, list | tuple | np.ndarray) or len(value) != 3:
-        raise ValueError(f"{field_name}: {value!r} is not allowed; give a place x, y, z [m]")
-    x, y, z = (checks.number(field_name, each, unit="m") for each in value)
-    return x, y, z

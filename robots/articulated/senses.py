@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from robots.control.senses import Sense, SenseReader, way_gained
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid.feedback import Felt
 
@@ -156,3 +157,15 @@ class DriveReader(SenseReader):
         found = self.pull_back_arrays(number, by_felt)
         by_points = found.pop("points")
         return Felt(**found), by_points
+
+
+def checked_place(field_name: str, value: object) -> tuple[float, float, float]:
+    """The place of a light, x, y and z [m].
+
+    Raises:
+        ValueError: for anything else; names the field.
+    """
+    if not isinstance(value, list | tuple | np.ndarray) or len(value) != 3:
+        raise ValueError(f"{field_name}: {value!r} is not allowed; give a place x, y, z [m]")
+    x, y, z = (checks.number(field_name, each, unit="m") for each in value)
+    return x, y, z

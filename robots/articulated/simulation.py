@@ -108,10 +108,9 @@ def differentiate(
 def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> ArticulatedResult:
     """What a robot does at N points, shape (N, P), in a trial."""
     points, tree = robot.points(points), robot.model.tree
+    if trial.gradients:
+        check_gradients(robot, trial.world)
     engine, start = engine_in(robot, trial.world, trial.compute)
-    if trial.gradients and np.isfinite(engine.world.friction):
-        told = "give inf, as --friction inf, which has no limit beyond which feet slip"
-        raise ValueError(f"friction: {engine.world.friction:g} has no derivatives; {told}")
     state = 7 + 12 * len(tree.bodies) + tree.motors + 2 * len(tree.points())  # numbers that a tape keeps of a step
     at_once = max(1, TAPE_BYTES // (8 * state * (robot.steps + 1))) if trial.gradients else ROBOTS_AT_ONCE
     wanted = dict.fromkeys("distance" if name == "speed" else name for name in trial.gradients)
@@ -155,6 +154,14 @@ def felt_over_time(robot: "ArticulatedRobot", points: Floats, world: World, comp
         felt[result.status != "ok"] = np.nan
         found.append(felt)
     return np.concatenate(found)
+
+
+def check_gradients(robot: "ArticulatedRobot", world: World) -> None:
+    """Refuse a world in which a cone limits the friction of a robot, which has no derivatives then."""
+    friction = physics_in(robot, world).friction
+    if np.isfinite(friction):
+        told = "give inf, as --friction inf, which has no limit beyond which feet slip"
+        raise ValueError(f"friction: {friction:g} has no derivatives; {told}")
 
 
 def engine_in(robot: "ArticulatedRobot", world: World, compute: Compute) -> tuple[RigidEngine, State | None]:

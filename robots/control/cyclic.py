@@ -73,6 +73,25 @@ class Cycle:
         return self.cycles / self.frequency
 
 
+class Cyclic:
+    """Base class of robots that repeat a cycle: how long their motions are."""
+
+    @property
+    def cycle(self) -> Cycle:
+        """Timing of the cycles."""
+        raise NotImplementedError
+
+    @property
+    def steps(self) -> int:
+        """Number of time steps in the cycles."""
+        return self.cycle.end - self.cycle.begin
+
+    @property
+    def lasts(self) -> float:
+        """Time that a motion takes, if nothing ends it before [s]."""
+        return self.steps * self.cycle.time_step
+
+
 def surroundings(terrains: Sequence[Terrain], heading: float) -> dict[int, Floats]:
     """What terrains, one each, do to all regions of B robots that head somewhere [degrees], shape (B,) each.
 

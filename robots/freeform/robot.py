@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY, Cycle
+from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY, Cycle, Cyclic
 from robots.freeform.fields import PARAMETRISATIONS, RESOLUTION, Fields, Parametrisation
 from robots.freeform.grid import Grid
 from robots.freeform.palette import Palette, palette_of
@@ -72,7 +72,7 @@ class FreeformActuation:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FreeformRobot(Robot):
+class FreeformRobot(Cyclic, Robot):
     """A freeform robot: a search chooses presence, tissue and muscle of each cell of a grid; it travels along x.
 
     A point is judged as the robot that can be built of it: see :mod:`robots.freeform.solid`. Between such robots, with
@@ -337,11 +337,6 @@ class FreeformRobot(Robot):
         """Simulate the robots of N points in several worlds; those with the same cells share a batch."""
         found = try_variants(variants or [self] * len(worlds), points, worlds, trial)
         return [outcome_of(each) for each in found]
-
-    @property
-    def steps(self) -> int:
-        """Number of time steps in the cycles."""
-        return self.cycle.end - self.cycle.begin
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the buildable robot of one point to a file, as a lattice robot."""

@@ -239,7 +239,7 @@ class InflatableRobot(Robot):
         return gait_steps(self.gait.schedule, self.parts[1])
 
     @property
-    def _seconds(self) -> float:
+    def lasts(self) -> float:
         """Time of the gait in the simulation [s]."""
         return float(self.steps * self.parts[0].time_step)
 
@@ -306,7 +306,7 @@ class InflatableRobot(Robot):
         return [
             *cores,
             ("Orientation, 0° rolls and 90° inches", Quantity(gait.orientation, "°", 1)),
-            ("Gait", f"{gait.schedule.columns} columns, played {times}, {self._seconds:.2f} s simulated"),
+            ("Gait", f"{gait.schedule.columns} columns, played {times}, {self.lasts:.2f} s simulated"),
             *([] if gait.materials is None else [("Of its own", ", ".join(gait.materials.given))]),
             *([] if gait.bladders is None else [("Bladders", told_layout(gait.bladders))]),
         ]
@@ -356,7 +356,7 @@ class InflatableRobot(Robot):
         """What the gait asks of each line of a rig, and the time of the gait in the simulation [s]."""
         from robots.hardware.gait_commands import rig_report
 
-        return rig_report(self.gait, rig), self._seconds
+        return rig_report(self.gait, rig), self.lasts
 
     def save_picture(self, world: World, path: Path) -> None:
         """Draw poses and gait."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY, Cycle
+from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY, Cycle, Cyclic
 from robots.lattice_robot import reach
 from robots.lattice_robot.description import description_of
 from robots.lattice_robot.design_space import DesignSpace
@@ -47,7 +47,7 @@ MOST_CYCLES = 10_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LatticeRobot(OutOfTheLab):
+class LatticeRobot(Cyclic, OutOfTheLab):
     """A soft robot: any lattice body, whose drives move groups of its regions in a repeated cycle.
 
     Attributes:
@@ -362,11 +362,6 @@ class LatticeRobot(OutOfTheLab):
         """Summarise all measures of an outcome, including those for a light and props of the terrain."""
         known = (*measures_of(targeted=True), *OF_PROPS, *self.own_measures)
         return ", ".join(m.value(float(outcome.measures[m.name][0])) for m in known if m.name in outcome.measures)
-
-    @property
-    def steps(self) -> int:
-        """Number of time steps in the cycles."""
-        return self.cycle.end - self.cycle.begin
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """Build the motion of the robot from an outcome with recorded frames."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robots.control.cyclic import Cycle, Cyclic
 from robots.lattice_robot import walker
 from robots.lattice_robot.links import facts_of_links
 from robots.lattice_robot.robot import LatticeRobot
@@ -30,7 +31,7 @@ KIND_COLOURS = ("#f3f1ec", "#b9b4a8", "#0072B2", "#D55E00")  # in the order of K
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class WalkerRobot(Robot):
+class WalkerRobot(Cyclic, Robot):
     """A lattice in which a search puts bodies together; or one body, of which nothing is free.
 
     Attributes:
@@ -129,10 +130,9 @@ class WalkerRobot(Robot):
         ]
 
     @property
-    def steps(self) -> int:
-        """Time steps of the actuation."""
-        cycle = walker.walker_cycle(self.actuation, self._tissue)
-        return cycle.end - cycle.begin
+    def cycle(self) -> Cycle:
+        """Timing of the actuation."""
+        return walker.walker_cycle(self.actuation, self._tissue)
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the body."""
