@@ -108,6 +108,8 @@ class Trials:
     def to_dataframe(self) -> Any:
         """Return a pandas DataFrame with a row for each design: its parameters, status, measures and derivatives.
 
+        ``attrs["units"]`` tells units by column; those of derivatives are the measure's over the parameter's.
+
         Raises:
             ValueError: if pandas is not installed.
         """
@@ -115,7 +117,10 @@ class Trials:
             import pandas
         except ImportError:
             raise ValueError("to_dataframe: pandas is not installed; pip install pandas") from None
-        return pandas.DataFrame(self.columns())
+        table = pandas.DataFrame(self.columns())
+        units = {parameter.name: parameter.unit for parameter in self.robot.parameters}
+        table.attrs["units"] = units | {measure.name: measure.unit for measure in self._measures}
+        return table
 
     def columns(self) -> dict[str, Any]:
         """Return the columns of the table of designs by name, shape (N,) each.
@@ -335,9 +340,8 @@ def _given(
         warn_of_doubts(source)
     run = run_in(source)
     tried, place = (robot(source), None) if run is None else of_run(run, elsewhere=where is not None)
-    for name in how:
-        if name not in ComputeOptions.__annotations__:
-            raise ValueError(f"{name}: is unknown here; {_place_of(tried, source, name)}")
+    if unknown := [name for name in how if name not in ComputeOptions.__annotations__]:
+        raise ValueError(f"{unknown[0]}: is unknown here; {_place_of(tried, source, unknown[0])}")
     if place is None or where is not None:
         place = world(tried, where)
     return tried, tried.points(points_of(tried, designs)), place, Compute(**how)

@@ -15,7 +15,6 @@ from optim.runs.history import read_history
 from robots.robot import KINDS, Robot, RobotKind, World, find_robot_doing, make_robot
 from taichi_sim.base.arrays import copied
 from taichi_sim.base.checks import nearest, shown
-from taichi_sim.base.options import converted
 
 MOST_TOLD = 12  # names in a message
 
@@ -97,16 +96,7 @@ def world(of: Robot, name: "str | int | World | None" = None) -> World:
     Raises:
         ValueError: for a world that robots of its kind do not know, and for several worlds.
     """
-    kind = KINDS.of(of)
-    if name is None:
-        return of.worlds[0]
-    if isinstance(name, int | np.integer):
-        name = str(name)
-    if isinstance(name, str):
-        return kind.world(converted(kind.world_option, kind.world_type, name))
-    if not hasattr(name, "where"):
-        raise ValueError(f"where: {name!r} is not allowed; give one world, or its name")
-    return name
+    return of.worlds[0] if name is None else KINDS.of(of).named_world(name)
 
 
 def of_run(folder: Path, elsewhere: bool = False) -> tuple[Robot, World]:

@@ -12,9 +12,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from robots.outcome import World
 from taichi_sim.base.checks import positive
-from taichi_sim.base.options import Option, spelled
+from taichi_sim.base.options import Option, converted, spelled
 from taichi_sim.base.registry import Registry
 
 if TYPE_CHECKING:
@@ -158,6 +160,18 @@ class RobotKind(ABC):
         if text not in known:
             raise ValueError(f"{self.world_option}: {text!r} is unknown; choose one of {', '.join(known)}")
         return known[text]
+
+    def named_world(self, name: "str | int | World") -> World:
+        """Return the world of a name as the command line spells it, such as ``"hill:15"``; a world as it is.
+
+        Raises:
+            ValueError: for a name that robots of this kind do not know, and for several worlds.
+        """
+        if isinstance(name, str | int | np.integer):
+            return self.world(converted(self.world_option, self.world_type, str(name)))
+        if not hasattr(name, "where"):
+            raise ValueError(f"where: {name!r} is not allowed; give one world, or its name")
+        return name
 
     def world_record(self, world: World) -> Any:
         """Convert a world to a value that fits JSON and TOML."""

@@ -4,7 +4,7 @@ import dataclasses
 import json
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -318,7 +318,7 @@ class RobotProblem(JudgedRobot):
 
     Attributes:
         robot: the robot, with its free parameters.
-        worlds: worlds in which it is simulated; by default its own.
+        worlds: worlds in which it is simulated, or their names, such as ``["flat", "hill:5"]``; by default its own.
         objective: name in ``OBJECTIVES``: ``"mean"`` over the worlds, ``"each"`` world, ``"worst"`` world; or several
             texts, such as ``("worst", "speed", "minimise:0.1*energy")``, see ``optim.problems.goals``.
         measure: measure of the robot for an objective that names none; the first one by default.
@@ -346,7 +346,9 @@ class RobotProblem(JudgedRobot):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "objective", named(self.objective))
-        object.__setattr__(self, "worlds", tuple(self.worlds) or self.robot.worlds)
+        given = self.worlds if isinstance(self.worlds, Iterable) and not isinstance(self.worlds, str) else [self.worlds]
+        worlds = tuple(map(KINDS.of(self.robot).named_world, given))
+        object.__setattr__(self, "worlds", worlds or self.robot.worlds)
         names = [world.name for world in self.worlds]
         if len(set(names)) < len(names):
             raise ValueError(f"{KINDS.of(self.robot).world_option}: {', '.join(names)}; give none twice")

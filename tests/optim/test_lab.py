@@ -161,6 +161,8 @@ def test_several_designs_are_a_table():
     found = ml.differentiate("vehicle", {"w1": np.linspace(-1, 1, 20)}, measures=["closest"])
     frame = found.to_dataframe()
     assert isinstance(frame, pandas.DataFrame) and len(frame) == 20
+    units = frame.attrs["units"]
+    assert (units["closest"], units["l1x"], units["w1"]) == ("m", "m", "") and set(units) < set(frame)
     assert np.array_equal(frame["w1"], np.linspace(-1, 1, 20)) and frame["d_closest/d_w1"].abs().max() > 0
     assert repr(found).startswith("20 designs, Braitenberg vehicle: ") and "and 8 more" in found._repr_html_()
     axes = found.plot("closest").axes[0]

@@ -188,6 +188,15 @@ def test_a_measure_that_no_objective_is_about_is_refused():
         judged("speed", measure="cost")
 
 
+def test_worlds_may_be_given_by_name():
+    robot = FreeformRobot(Grid((4, 2, 2)))
+    for given in (["flat", "hill:5"], (Terrain(), "hill:5")):
+        assert RobotProblem(robot, given).worlds == (Terrain(), Terrain(5.0))
+    assert RobotProblem(robot, "hill:5").worlds == (Terrain(5.0),) and RobotProblem(robot).worlds == (Terrain(),)
+    with pytest.raises(ValueError, match=r"^terrain: 'flatt' is unknown; give"):
+        RobotProblem(robot, ["flatt"])
+
+
 def test_descriptions_say_goals_and_old_ones_are_as_they_were():
     robot = FreeformRobot(Grid((4, 2, 2)))
     old = RobotProblem(robot, objective="worst", measure="energy")
