@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import options
-from optim.commands.codesign_seeds import SEEDS, run_of_any_seed
+from optim.commands.codesign_seeds import SEEDS
 from optim.commands.options import Option, count
 from optim.commands.robots import early
 from optim.problem import FILE, Objective, objectives_of, score_of
 from optim.problems import kind_of_description, kind_of_run, problem_of_run
 from optim.problems.designer import Design, Request, designer_of
-from optim.runs.config import GROUND_FILES, check_ground_files, has_run, read_config, settings_of
+from optim.runs.config import GROUND_FILES, check_ground_files, has_run, read_config, run_of_any_seed, settings_of
 from optim.search import METHOD, METHODS, check_objectives, check_settings, default_settings, takes_several
 from robots.robot import RobotKind, find_robot_doing
 from robots.tasks import find_task

@@ -3,14 +3,13 @@
 import argparse
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from optim.commands import Report
 from optim.commands.options import Option, checked, setting
 from optim.interrupts import STOPPED
 from optim.notes import note
-from optim.runs.config import folder_of_seed, folders_of_seeds, has_run
+from optim.runs.config import folder_of_seed, folders_of_seeds, has_run, run_of_any_seed
 
 MOST_SEEDS = 10_000
 
@@ -41,11 +40,6 @@ SEEDS = Option(
     checked(seeds_of),
     "0-5|0,2,7",
 )
-
-
-def run_of_any_seed(out: Path) -> Path | None:
-    """The first run in the folder of several seeds; None if there is none yet."""
-    return next(filter(has_run, folders_of_seeds(out)), None)
 
 
 def check_single(args: argparse.Namespace) -> None:

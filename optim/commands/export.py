@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 from optim.commands import Report, options
 from optim.commands.options import Command, Option, count, file_text, flag, path_to
-from optim.commands.robots import kinds_of_words, named_source, own_alone
-from optim.problems import kind_of_run, robot_of_run
+from optim.commands.robots import history_of, kinds_of_words, named_source, own_alone
+from optim.problems import robot_of_run
 from optim.runs.config import has_run
-from optim.runs.history import read_history
 from robots.robot import Robot, robot_to_try
 from taichi_sim.base.claims import undone_if_it_fails
 from taichi_sim.base.short_text import counted
@@ -266,12 +265,12 @@ def _other_files(args: argparse.Namespace) -> dict[str, Path]:
 def _robot(args: argparse.Namespace) -> tuple[Robot, int | None]:
     """The best design of a run, as its checked log tells, or another that it keeps, or that of a file; its seed."""
     source, member = args.source, args.member
-    if has_run(source):
-        history = read_history(source)
-        options = args.parser.values(args, kind_of_run(source, history.config))
-        found, _ = robot_of_run(history, member, elsewhere=True)
-        return found.changed(options), history.config["method"].get("seed")
     named = named_source(str(source))
+    values = args.parser.values(args, named.kind)
+    if named.run is not None:
+        history = history_of(named.run)
+        found, _ = robot_of_run(history, member, elsewhere=True)
+        return found.changed(values), history.config["method"].get("seed")
     if member is not None:
         raise ValueError(f"member: {member} is not allowed, as {source} is the file of one design; name a run")
-    return robot_to_try(named.kind, named.source, args.parser.values(args, named.kind))[0], None
+    return robot_to_try(named.kind, named.source, values)[0], None

@@ -5,15 +5,17 @@ Options of a kind of robot join a command when its command line names the kind; 
 
 import argparse
 import contextlib
+import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from optim.notes import note
 from optim.problems import kind_of_run, robot_of_run
-from optim.runs.config import read_config
-from optim.runs.history import read_history
+from optim.runs.config import has_run, read_config, run_of_any_seed
+from optim.runs.history import History, read_history
 from robots.robot import (
     KINDS,
     USUAL,
@@ -40,7 +42,7 @@ class Named:
     Attributes:
         kind: of the robot.
         source: the file or design from which the kind makes it; None for the usual one.
-        run: the folder of a run whose design it is, instead.
+        run: the folder of a run, or of runs of several seeds, whose design it is, instead.
     """
 
     kind: RobotKind
@@ -167,7 +169,41 @@ def own_alone(command: str) -> OptionsOf:
 
 def kinds_of_robot(words: Sequence[str]) -> list[RobotKind]:
     """The kind of robot that ``--robot`` and ``--gait`` name."""
-    return [find_robot_doing(*vars(early(words, "--robot", "--gait")).values())[0]]
+    return [named_doing(*vars(early(words, "--robot", "--gait")).values()).kind]
+
+
+def named_doing(robot: str | None, gait: str | None) -> Named:
+    """What the options ``robot`` and ``gait`` name: as ``find_robot_doing`` finds it, or the folder of a run.
+
+    Raises:
+        ValueError: if they name none, or both say all.
+    """
+    run = _run_named(robot if robot is not None else gait or "")
+    if run is None:
+        return Named(*find_robot_doing(robot, gait))
+    if robot is not None and gait is not None:
+        raise ValueError(f"gait: {robot} is a robot by itself; leave it out")
+    return run
+
+
+def _run_named(text: str) -> Named | None:
+    """The folder of a run, or of runs of several seeds, that a word names; None if it is no such folder."""
+    if not text or not os.path.isdir(text):  # False of a name too long
+        return None
+    path = Path(text)
+    run = path if has_run(path) else run_of_any_seed(path)
+    return None if run is None else Named(kind_of_run(run, read_config(run)), run=path)
+
+
+def history_of(run: Path) -> History:
+    """The history of the run in a folder; of those of several seeds the best one's, of which a note tells."""
+    if has_run(run):
+        return read_history(run)
+    from optim.runs.comparable import best_of_seeds
+
+    best = best_of_seeds(run)
+    note(f"{run} has runs of several seeds; the best one is {best.path}")
+    return best
 
 
 def named_source(text: str) -> Named:
@@ -176,10 +212,11 @@ def named_source(text: str) -> Named:
     Raises:
         ValueError: if it is none of these.
     """
-    path = Path(text)
-    found = None if (path / "config.toml").exists() else find_robot(text)  # a folder may be called as a robot is
-    if found is None and path.is_dir():
-        return Named(kind_of_run(path, read_config(path)), run=path)
+    if (run := _run_named(text)) is not None:  # a folder may be called as a robot is
+        return run
+    found = find_robot(text)
+    if found is None and os.path.isdir(text):
+        read_config(Path(text))  # which says what is missing
     if found is None:
         known = [name for kind in KINDS.builtin for name in (*KINDS[kind].designs, kind)]
         raise ValueError(f"source: {text!r} is no robot ({', '.join(known)}), no run and no file of a design")
@@ -223,7 +260,7 @@ def loaded(named: Named, values: Mapping[str, Any], member: int | None = None) -
     world, options = world_and_others(named.kind, values)
     kind, ground = named.kind, {name: values[name] for name in named.kind.ground_options if name in values}
     same = bool(ground) and ground.keys() == values.keys() & {option.name for option in kind.world_options}
-    robot, worlds = robot_of_run(read_history(named.run), member, elsewhere=world is not None and not same)
+    robot, worlds = robot_of_run(history_of(named.run), member, elsewhere=world is not None and not same)
     if same:
         each = (kind.chosen_world({kind.world_option: one, **ground}) for one in worlds)  # those of the run
         worlds = tuple(one for one in each if one is not None)

@@ -12,11 +12,11 @@ import numpy as np
 
 from optim.commands import FAILED, Report, options
 from optim.commands.options import Command, Option, count, file_text, flag, path_to
-from optim.commands.robots import TABLE_FILE, kinds_of_robot, world_and_own
+from optim.commands.robots import TABLE_FILE, kinds_of_robot, loaded, named_doing, world_and_own
 from optim.doubts import doubts_after
 from optim.notes import note
 from optim.progress import shown_progress
-from robots.robot import KINDS, OK, Outcome, Robot, World, find_robot_doing, robot_to_try
+from robots.robot import KINDS, OK, Outcome, Robot, World
 from taichi_sim.base.checks import whole_number
 
 FILES = ("design.json", "result.json", "frames.npz", TABLE_FILE, "robot.png")
@@ -61,8 +61,8 @@ def run(args: argparse.Namespace) -> Report:
     """Simulate, and write the files asked for."""
     gait = _gait_of(args)
     options.claim_folder(args, *FILES)
-    kind, source = find_robot_doing(args.robot, gait)
-    robot, (world, *_) = robot_to_try(kind, source, args.parser.values(args, kind))
+    named = named_doing(args.robot, gait)
+    robot, (world, *_) = loaded(named, args.parser.values(args, named.kind))
     compute, what = options.compute(args, "f64"), gait or args.robot
     title = f"{what} {world.where}".strip()
     measured = {measure.name for measure in robot.measures}

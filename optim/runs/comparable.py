@@ -1,13 +1,15 @@
-"""Check that the scores of several runs mean the same, before they are compared."""
+"""Check that the scores of several runs mean the same, before they are compared; the best run of several seeds."""
 
 import json
+import math
 import warnings
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from optim.problem import GAIT
-from optim.runs.config import GROUND_FILES
-from optim.runs.history import History
+from optim.runs.config import GROUND_FILES, folders_of_seeds, has_run
+from optim.runs.history import History, begun, read_histories
 from robots.robot import KINDS
 
 # Settings of a problem on which scores depend; the others may differ between runs that are compared.
@@ -56,6 +58,17 @@ def check_comparable(histories: Sequence[History]) -> None:
                     "give runs whose scores mean the same"
                 )
     _warn_of_trials(histories)
+
+
+def best_of_seeds(folder: Path) -> History:
+    """The run with the best score in the folder of several seeds; the first of those that are equal.
+
+    Raises:
+        ValueError: if there is none with a complete generation, or their scores mean different things.
+    """
+    found, _ = read_histories(filter(has_run, folders_of_seeds(folder)), begun)
+    check_comparable(found)
+    return max(found, key=lambda history: -math.inf if (best := history.generations[-1].best) is None else best)
 
 
 def _warn_of_trials(histories: Sequence[History]) -> None:

@@ -64,6 +64,11 @@ def folders_of_seeds(out: Path) -> list[Path]:
     return folders_in(out, "seed-")
 
 
+def run_of_any_seed(out: Path) -> Path | None:
+    """The first run in the folder of several seeds; None if there is none yet."""
+    return next(filter(has_run, folders_of_seeds(out)), None)
+
+
 def folders_in(folder: Path, prefix: str = "") -> list[Path]:
     """List the folders inside a folder whose names begin with ``prefix``, in order; none if it does not exist.
 
@@ -94,8 +99,8 @@ def read_config(folder: Path) -> dict[str, Any]:
     """
     path = folder / CONFIG
     if not path.exists():
-        seeds = list(filter(has_run, folders_of_seeds(folder)))
-        several = f"; it has runs of several seeds, name one, such as {seeds[0]}" if seeds else ""
+        seed = run_of_any_seed(folder)
+        several = f"; it has runs of several seeds, name one, such as {seed}" if seed else ""
         raise ValueError(f"{folder}: holds no run; its {CONFIG} is missing{several}")
     text = files.read_text(path)
     try:

@@ -1,6 +1,7 @@
 """Read runs without changing them, while they are going on and afterwards."""
 
 import datetime
+import glob
 import hashlib
 import itertools
 import re
@@ -267,7 +268,7 @@ def _read_timing(folder: Path, record: checkpoint.Record | None) -> tuple[tuple[
 
 
 def runs_below(paths: Iterable[Path]) -> list[Path]:
-    """List the given run folders and those inside the given folders, each once.
+    """List the given run folders and those inside the given folders, each once; patterns such as ``runs/a*`` expand.
 
     Runs of several seeds may lie one folder deeper. A folder that cannot be listed counts as a run, so that reading
     it raises the error.
@@ -276,13 +277,18 @@ def runs_below(paths: Iterable[Path]) -> list[Path]:
         ValueError: if a path holds no run.
     """
     found: dict[Path, Path] = {}
-    for path in paths:
+    for path in itertools.chain.from_iterable(map(_matching, paths)):
         inside = _runs_of(path, lambda folder: [run for each in folders_in(folder) for run in _runs_of(each)])
         if not inside:
             raise ValueError(f"run: {path} holds no run" if path.exists() else f"run: {path} does not exist")
         for run in inside:
             found.setdefault(run.resolve(), run)
     return list(found.values())
+
+
+def _matching(path: Path) -> list[Path]:
+    """The path, or if there is none what it matches as a pattern, in order; then itself if that is nothing."""
+    return [path] if path.exists() else [Path(name) for name in sorted(glob.glob(str(path)))] or [path]
 
 
 def _runs_of_seeds(folder: Path) -> list[Path]:

@@ -248,6 +248,9 @@ def test_compare_names_groups(rocket, morpholab):
         ("drawn", 2),
         ("climbed", 2),
     ]
+    code, out, _ = morpholab("compare 'runs/*m5' --json")  # as of a shell
+    assert code == 0 and [group["count"] for group in json.loads(out)["groups"]] == [2]
+    assert "run: runs/z* does not exist" in morpholab("compare 'runs/z*'")[2]
     code, out, _ = morpholab(
         f"compare --label one=runs/hill-climb5 {Path.cwd()}/runs/hill-climb5 runs/random5/seed-1 --json"
     )
