@@ -40,14 +40,15 @@ from optim.interrupts import EndedBySignals, stopped_by
 from optim.notes import notes, plain, say
 from taichi_sim.base.checks import nearest
 from taichi_sim.base.disk_faults import unwritten
-from taichi_sim.base.foreign import blame, blame_package, lacks_memory
+from taichi_sim.base.foreign import OWN_PACKAGES, blame, blame_package, lacks_memory
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
 
 CLOSED_PIPE = 141  # as shells report SIGPIPE
+ROBOT_FLAGS = "--robot", "--gait"  # that name the robot, where commands have them
+BARE_ROBOTS = "source", "sources"  # names of arguments without a flag that name robots
 BUG = 70  # EX_SOFTWARE of sysexits.h
-OWN_PACKAGES = "morpholab", "optim", "robots", "taichi_sim"
 LONGEST_SUMMARY = 300  # characters of an unexpected exception in a message
 
 
@@ -59,12 +60,31 @@ class _Parser(RobotOptions):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse, and refuse what is unknown with what was likely meant."""
+        self._check_bare_robot(args or ())
         found, unknown = super().parse_known_args(args, namespace)
         if unknown:
-            known = [name for action in self._actions for name in action.option_strings]
-            flag = next((word.partition("=")[0] for word in unknown if word.startswith("--")), "")
-            self.error(f"unrecognized arguments: {' '.join(unknown)}{nearest(flag, known)}")
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{self._meant(unknown)}")
         return found, unknown
+
+    def _check_bare_robot(self, words: Sequence[str]) -> None:
+        """Refuse a robot by an option, where a command takes it by itself."""
+        if not any(action.dest in BARE_ROBOTS and not action.option_strings for action in self._actions):
+            return
+        for number, word in enumerate(words):
+            flag, equals, value = word.partition("=")
+            if flag in ROBOT_FLAGS:
+                name = value if equals else next(iter(words[number + 1 :]), "")
+                self.error(f"{flag}: is no option here; give the robot by itself: {self.prog} {name or 'ROBOT'}")
+
+    def _meant(self, unknown: Sequence[str]) -> str:
+        """What was likely meant by unknown words: an option that the help shows too, or the robot by itself."""
+        shown = [a for a in self._actions if a.option_strings and a.help != argparse.SUPPRESS]
+        known = [name for action in shown for name in action.option_strings]
+        if unknown[0].startswith("-"):
+            flag = next((word.partition("=")[0] for word in unknown if word.startswith("--")), "")
+            return nearest(flag, known)
+        flags = [f"{flag} {unknown[0]}" for flag in ROBOT_FLAGS if flag in known]
+        return f"; name a robot as {' or a gait as '.join(flags)}" if flags else ""
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         try:

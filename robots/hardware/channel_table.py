@@ -19,6 +19,7 @@ import numpy as np
 from robots.hardware.headroom import RigReport, uses_of
 from robots.hardware.lines import BLADDER_LINES, CHANNELS
 from robots.hardware.rig import PneumaticRig
+from robots.hardware.rig_table import CHANNELS_SCHEMA as SCHEMA
 from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, read_table, seed_of, seed_text
 from robots.hardware.timeline import Commands, RigViolation, Violation, asked, timeline, violations
 from robots.hardware.units import KPA_PER_UNIT
@@ -26,7 +27,6 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.base.parsing import parse_json
 
-SCHEMA = "morpholab-channels-1"
 LINES = BLADDER_LINES  # those that channels can be on
 _SHORTEST = 1e-6  # of a state [s]
 _IN_PHASE = 0.02  # of a cycle: delays of lines may differ by so much without a word

@@ -25,6 +25,7 @@ from taichi_sim.base.short_text import ShortText
 
 Table = TypeVar("Table", bound="RigTable")
 SECTIONS = ("prefix", "main", "suffix")
+CHANNELS_SCHEMA = "morpholab-channels-1"  # of tables of the channels of robots other than the inflatable one
 _FIRST = ("time_s", "section", "state")
 _NO_SEED = "unknown"
 

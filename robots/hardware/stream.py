@@ -13,10 +13,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from robots.hardware.channel_table import SCHEMA as CHANNELS_SCHEMA
 from robots.hardware.channel_table import read_channels
 from robots.hardware.rig import PRESETS, PneumaticRig
-from robots.hardware.rig_table import RigTable
+from robots.hardware.rig_table import CHANNELS_SCHEMA, RigTable
 from robots.hardware.table import read_csv
 from robots.hardware.timeline import FASTEST_RATE
 from robots.hardware.units import KPA_PER_UNIT, UNIT_SPELLING

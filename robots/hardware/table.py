@@ -17,7 +17,17 @@ from numpy.typing import ArrayLike
 
 from robots.hardware.line_map import LEVEL_DECIMALS, PRESSURE_DECIMALS, LineMap
 from robots.hardware.rig import PneumaticRig
-from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, read_table, seed_of, seed_text
+from robots.hardware.rig_table import (
+    CHANNELS_SCHEMA,
+    RigTable,
+    State,
+    rate_of,
+    rate_text,
+    read_content,
+    read_table,
+    seed_of,
+    seed_text,
+)
 from robots.hardware.start import Start
 from robots.hardware.units import KPA_PER_UNIT
 from robots.inflatable.actuation import ACTUATION
@@ -260,6 +270,9 @@ def read_design(path: Path, from_rows: bool = False) -> InflatableDesign:
 
 
 def _read(lines: Sequence[str]) -> GaitTable:
+    if lines[:1] == [f"# schema={CHANNELS_SCHEMA}"]:
+        meant = "use it as --channels, with the robot that it drives: --robot BEST.json --channels FILE.csv"
+        raise ValueError(f"it has channels of a robot of another kind, and no gait; {meant}")
     content = read_content(lines, SCHEMA)
     header = content.header
     try:

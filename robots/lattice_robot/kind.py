@@ -1,5 +1,6 @@
 """Robots of the user's own as a kind of robot: made of a file, judged by their speed."""
 
+import argparse
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -18,6 +19,14 @@ def _region(text: str) -> Any:
     from robots.lattice_robot.mesh_robot import MarkedRegion
 
     return MarkedRegion.from_text(text)
+
+
+def _friction(text: str) -> float:
+    """The type of the option of a mesh; two numbers are of the ground, as other kinds have them in one option."""
+    if "," in text:
+        told = "give one number, of the body of a mesh, or friction of the ground as --ground-friction STATIC,KINETIC"
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed; {told}")
+    return number(0.0, MOST_FRICTION)(text)
 
 
 class LatticeRobotKind(LatticeGroundKind):
@@ -46,7 +55,7 @@ class LatticeRobotKind(LatticeGroundKind):
         Option(
             "friction",
             "of a mesh, static, of its body; 0.8 of it is kinetic (default: 1)",
-            number(0.0, MOST_FRICTION),
+            _friction,
             "MU",
         ),
         Option("frequency", "of a mesh, of its muscles (default: 4)", number(0.1, 100, "Hz"), "HZ"),

@@ -71,6 +71,32 @@ def test_simulate_writes_a_folder(morpholab, tmp_path):
     )
 
 
+def test_of_a_run_and_of_several_seeds_the_best_design_is_simulated(morpholab, simulator, tmp_path):
+    search = "codesign --terrain flat --geometry small --columns 4 --climbers 2 --generations 1 --quiet --seeds 0-2"
+    best = [run["best"] for run in json.loads(morpholab(f"{search} --out g --json")[1])["runs"]]
+    first = f"g/seed-{best.index(max(best))}"
+    told = f"note: g has runs of several seeds; the best one is {first}\n"
+    for flag, name in (("--robot", first), ("--gait", first), ("--robot", "g")):
+        code, out, error = morpholab(f"simulate {flag} {name} --quiet")
+        assert code == 0 and f"\n{name} on flat: ok" in out and (told in error) == (name == "g")
+        assert simulator.calls[-1].designs == [load_design(tmp_path / first / "best.json")]
+        assert simulator.calls[-1].geometry is inflatable.NAMED_GEOMETRIES["small"]
+    code, _, error = morpholab("export g --csv g.csv --on-violation clip")
+    assert code == 0 and told in error
+    assert read_csv(tmp_path / "g.csv").schedule() == load_design(tmp_path / first / "best.json").schedule
+    code, _, error = morpholab("simulate --robot g --gait rolling")
+    assert code == 2 and "gait: g is a robot by itself; leave it out" in error
+
+
+def test_a_table_of_channels_is_no_gait(morpholab, tmp_path):
+    (tmp_path / "a.csv").write_text("# schema=morpholab-channels-1\n")
+    code, _, error = morpholab("simulate --gait a.csv")
+    assert (
+        code == 2 and "error: a.csv: it has channels of a robot of another kind, and no gait; use it as --cha" in error
+    )
+    assert error.endswith("with the robot that it drives: --robot BEST.json --channels FILE.csv\n")
+
+
 def test_simulate_reports_a_failure(morpholab, simulator):
     simulator.diverges = lambda design, terrain: True
     code, out, _ = morpholab("simulate --gait rolling --json")
@@ -146,7 +172,22 @@ BAD_LINES = [
     ("walk", "argument COMMAND: invalid choice: 'walk'"),
     ("simulat --gait rolling", "argument COMMAND: invalid choice: 'simulat' ("),
     ("simulate --gait rolling --terain flat", "unrecognized arguments: --terain flat; did you mean --terrain?"),
-    ("simulate --robot quadruped --fricton=0.5", "unrecognized arguments: --fricton=0.5; did you mean --friction?"),
+    ("simulate --robot articulated --fricton=0.5", "unrecognized arguments: --fricton=0.5; did you mean --friction?"),
+    (
+        "simulate rolling",
+        "unrecognized arguments: rolling; name a robot as --robot rolling or a gait as --gait rolling\n",
+    ),
+    ("gradient-check rover", "unrecognized arguments: rover; name a robot as --robot rover or a gait as "),
+    ("view --robot rover --out a.html", "--robot: is no option here; give the robot by itself: morpholab view rover"),
+    ("export --gait=rolling --csv a.csv", "--gait: is no option here; give the robot by itself: morpholab export rol"),
+    ("simulate --robot rover --orientaton 2", "unrecognized arguments: --orientaton 2\n"),  # of others
+    (
+        "simulate --robot soft-quadruped --friction 0.5,0.4",
+        "argument --friction: '0.5,0.4' is not allowed; give one number, of the body of a mesh, or friction of the "
+        "ground as --ground-friction STATIC,KINETIC",
+    ),
+    ("view rolling --picture a.png --at 99", "at: 99 s is not allowed; rolling moves for 19.8 s"),
+    ("view soft-quadruped --picture a.png --at 2", "at: 2 s is not allowed; soft quadruped moves for 1.25 s"),
     ("simulate --gait rolling --device cup", "argument --device: invalid choice: 'cup' (choose from "),
     ("", "the following arguments are required: COMMAND"),
 ]
