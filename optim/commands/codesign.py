@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from optim.commands import FAILED, Report, options
 from optim.commands.codesign_plan import SEARCH_BY_GRADIENTS, SEARCH_OPTIONS, Plan, check_said_once, named_kinds, plan
 from optim.commands.codesign_seeds import check_single, note_new, search_each
@@ -18,7 +20,7 @@ from optim.commands.task_file import TASK, take_task
 from optim.doubts import doubts_before
 from optim.interrupts import stopped_by
 from optim.notes import note
-from optim.problem import Objective
+from optim.problem import Objective, judge, objectives_of
 from optim.problems.designer import options_of
 from optim.progress import shown_progress
 from optim.wording import spoken_duration
@@ -27,10 +29,11 @@ from taichi_sim.base.results_folder import BEST_DESIGN
 from taichi_sim.base.short_text import counted, decimal
 
 if TYPE_CHECKING:
-    from optim.problem import Problem
+    from optim.problem import Evaluate, Evaluation, Problem, Request
     from optim.runs import Generation, RunFolder
     from robots.robot import Robot
 
+SAME = 1e-9  # of a value: smaller differences are rounding
 COMMAND = Command(
     "codesign",
     "design a robot",
@@ -140,7 +143,29 @@ def _search(planned: Plan, method: Any, folder: "RunFolder", args: argparse.Name
 
         problem = with_options(planned.problem, progress=part_done)
         with opened_workers(problem, folder, args) as evaluate:
-            return run_search(problem, method, folder, planned.generations, show, evaluate, args.evaluations)
+            judged = evaluate or functools.partial(judge, problem)
+            if folder.lines == 0 and not args.quiet:
+                judged = _noting_constants(judged, objectives_of(problem))
+            return run_search(problem, method, folder, planned.generations, show, judged, args.evaluations)
+
+
+def _noting_constants(evaluate: "Evaluate", objectives: Sequence[Objective]) -> "Evaluate":
+    """The function, with a note if one of several objectives is the same in all designs that it evaluates first."""
+    looked = len(objectives) < 2
+
+    def evaluate_and_note(request: "Request") -> "Evaluation":
+        nonlocal looked
+        found = evaluate(request)
+        if not looked:
+            looked = True
+            for objective, values in zip(objectives, found.objectives.T, strict=True):
+                known = values[np.isfinite(values)]
+                if len(known) > 1 and np.ptp(known) <= SAME * abs(known[0]):
+                    told = f"it is {objective.value(known[0])} in all {len(known)} designs that the search begins with"
+                    note(f"objective: {objective.name} tells no design from another so far: {told}")
+        return found
+
+    return evaluate_and_note
 
 
 def _write_best(problem: "Problem", last: "Generation", folder: "RunFolder") -> list[str]:

@@ -1,6 +1,7 @@
 """A robot of the user's own under ``codesign``, ``gradient-check`` and ``view``."""
 
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from articulated_files import CRAWLER
 
 from robots.hardware import read_channels
 from robots.lattice_robot.links import LINKS_OPTION, USUAL
+from robots.robot import find_robot
 from taichi_sim.lattice.body import LINK_LAWS, USUAL_LINKS
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -138,6 +140,39 @@ def test_a_search_is_the_same_with_workers(morpholab, mine):
     lines = [f"codesign --robot my_robot.py --climbers 4 --generations 1 --out {name} --quiet" for name in ("a", "b")]
     assert morpholab(f"{lines[0]} --threads 1")[0] == 0 and morpholab(f"{lines[1]} --workers 1 --threads 1")[0] == 0
     assert Path("a/best.json").read_bytes() == Path("b/best.json").read_bytes()
+
+
+def test_modules_beside_a_users_file_are_its_own(morpholab, tmp_path):
+    """Also where the file of another folder has imported one of the same name."""
+    for folder, cycles in (("a", 1), ("b", 2), ("a", 1)):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        (tmp_path / folder / "cycles_of_mine.py").write_text(f"COUNT = {cycles}\n")
+        mine = MINE.replace("cycles=1", "cycles=COUNT")
+        (tmp_path / folder / "mine.py").write_text(f"from cycles_of_mine import COUNT\n{mine}")
+        assert find_robot(f"{folder}/mine.py")[0].build(f"{folder}/mine.py", {}).cycles == cycles
+
+
+@pytest.mark.filterwarnings("ignore:model. ignored")
+def test_a_robot_without_gradients_leaves_no_folder(morpholab, tmp_path):
+    (tmp_path / "crawler.xml").write_text(CRAWLER)
+    code, _, error = morpholab("codesign --robot crawler.xml --method gradient --out new --quiet")
+    assert code == 2 and "error: friction: 1 has no derivatives; give inf" in error and not (tmp_path / "new").exists()
+
+
+@pytest.mark.kernels
+def test_a_picture_of_a_moment_is_within_the_motion(morpholab, mine):
+    shown = "view my_robot.py --frames 9 --precision f64 --picture"
+    assert morpholab(f"{shown} a.png --at 0.45 {QUICK}")[0] == 0
+    assert "error: at: 0.55 s is not allowed; robot moves for 0.5 s\n" in morpholab(f"{shown} b.png --at 0.55")[2]
+
+
+@pytest.mark.kernels
+def test_an_objective_that_is_the_same_in_all_designs_is_noted(morpholab, mine):
+    search = "codesign --robot my_robot.py --method nsga2 --population 4 --generations 0 --threads 1"
+    code, _, error = morpholab(f"{search} --objective speed --objective mass --out a")
+    told = r"note: objective: mass tells no design from another so far: it is 0.\d+ kg in all 4 designs that the search"
+    assert code == 0 and len(re.findall(told, error)) == error.count("note: ") == 1
+    assert "note: " not in morpholab(f"{search} --objective speed --objective energy --out b")[2]
 
 
 @pytest.mark.kernels
