@@ -347,7 +347,8 @@ class RobotProblem(JudgedRobot):
     def __post_init__(self) -> None:
         object.__setattr__(self, "objective", named(self.objective))
         given = self.worlds if isinstance(self.worlds, Iterable) and not isinstance(self.worlds, str) else [self.worlds]
-        worlds = tuple(map(KINDS.of(self.robot).named_world, given))
+        # A robot of a file may be of a kind without an entry point, whose worlds are not named.
+        worlds = tuple(each if hasattr(each, "where") else KINDS.of(self.robot).named_world(each) for each in given)
         object.__setattr__(self, "worlds", worlds or self.robot.worlds)
         names = [world.name for world in self.worlds]
         if len(set(names)) < len(names):
