@@ -205,7 +205,7 @@ def test_each_seed_has_the_run_that_it_has_alone(rocket, morpholab):
     assert (code, error) == (0, "") and [run["seed"] for run in json.loads(out)["runs"]] == [0, 2]
     assert sorted(path.name for path in (rocket / "a").iterdir()) == ["seed-0", "seed-2"]
     assert [run.parent.name for run in runs_below([rocket])].count("a") == 2  # as status and track find them
-    assert "it has runs of several seeds, name one, such as a/seed-0" in morpholab("view a --out a.html")[2]
+    assert "source: a/seed-0 is a run of rocket.py, which is no robot; `morph" in morpholab("view a --out a.html")[2]
     assert log(rocket / "a/seed-2") == log(rocket / "alone")
     code, _, error = morpholab(f"codesign {SHORT} --seeds 1-2 --out a")
     assert code == 2 and "out: a/seed-2 holds a run already; continue it with --resume" in error
