@@ -279,11 +279,10 @@ class ArticulatedRobot(Robot):
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Simulate the robot at N points, with the gradients of measures if wanted."""
         found = try_points(self, points, trial)
-        seconds = self.lasts
         slopes = dict(found.gradients)
         if found.gradient is not None:
-            slopes["speed"] = found.gradient / seconds
-        measures = {"speed": found.distance / seconds, "distance": found.distance, **found.own}
+            slopes["speed"] = found.gradient / self.lasts
+        measures = {"speed": found.distance / self.lasts, "distance": found.distance, **found.own}
         frames = recorded(found.runs[0].frames)
         if frames:
             frames["angles"] = frames["angles"] + [hinge.rest for hinge in self.model.tree.hinges]
