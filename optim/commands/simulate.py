@@ -151,10 +151,10 @@ def _report(
     report = Report(document, text, 0 if ok else FAILED)
     if args.out is None:
         return report
-    return report.written_by(partial(_write, args.out, robot, world, document, outcome))
+    return report.written_by(partial(_write, args, robot, world, document, outcome))
 
 
-def _write(folder: Path, robot: Robot, world: World, document: dict[str, Any], outcome: Outcome) -> str:
+def _write(args: argparse.Namespace, robot: Robot, world: World, document: dict[str, Any], outcome: Outcome) -> str:
     """Write all files of a trial in its folder, or none; nothing is said of them."""
     from robots.hardware import write_csv
     from robots.view.picture import save_robot_picture
@@ -162,15 +162,18 @@ def _write(folder: Path, robot: Robot, world: World, document: dict[str, Any], o
     from taichi_sim.base.disk_faults import told_as
     from taichi_sim.base.files import make_folder, write_text
 
+    folder: Path = args.out
     make_folder(folder)
     frames: dict[str, Any] = dict(outcome.frames or {})
+    # In another precision, a robot whose motion is chaotic would be drawn elsewhere than the numbers tell.
+    draw = partial(save_robot_picture, robot, world, compute=options.compute(args, "f64"))
     writers: dict[str, Callable[[Path], object]] = {
         "design.json": partial(robot.save, ()),
         "result.json": lambda path: write_text(path, json.dumps(document, indent=2) + "\n"),
         **({"frames.npz": lambda path: np.savez_compressed(path, **frames)} if frames else {}),
         # The header tells what was clipped.
         **({TABLE_FILE: partial(write_csv, robot.table(on_violation="clip"))} if robot.exportable else {}),
-        **({"robot.png": partial(save_robot_picture, robot, world)} if robot.has_motion else {}),
+        **({"robot.png": draw} if robot.has_motion else {}),
     }
     with undone_if_it_fails() as made:
         for name, write in writers.items():

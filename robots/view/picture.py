@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from robots.robot import Robot, World
+from robots.robot import HERE, Robot, World
 from robots.view.drawing import draw_levels, label_rows
 from robots.view.film import draw_strip, poses_of
 from robots.view.motion import Channel, Motion
@@ -47,12 +47,12 @@ def motion_picture(motion: Motion, *, frames: int = 6, title: str | None = None)
     return figure
 
 
-def save_robot_picture(robot: Robot, world: World, path: Path) -> None:
+def save_robot_picture(robot: Robot, world: World, path: Path, compute: Compute = HERE) -> None:
     """Simulate a robot without free variables and write a picture of its motion as png, pdf or svg, by the suffix."""
     if robot.pictured:
         robot.save_picture(world, path)
         return
-    replay = robot.replay((), world, frames=PATH_POINTS * 6, compute=Compute(precision="f32"))
+    replay = robot.replay((), world, frames=PATH_POINTS * 6, compute=compute)
     save_picture(motion_picture(replay.motion, title=replay.title or None), path)
 
 

@@ -13,6 +13,7 @@ from taichi_sim.rigid.model.mjcf_schema import DRIVE_NOTES
 from taichi_sim.rigid.model.tree import Motor
 from taichi_sim.rigid.model.xml_values import keyword, named, not_negative, number, numbers
 
+WHOLE_TURN = 2 * np.pi  # rad; targets beyond are likely degrees, which MuJoCo reads as radians
 _MOST_GEAR = 1e100  # its square stays a number
 
 
@@ -66,6 +67,8 @@ def drive(
     if actuator.tag == "velocity":
         strongest = abs(gear) * _gain(actuator, "kv", "1") * (high - low)
         return Motor(min(torque, strongest), half, 0.0, middle), also
+    if (farthest := max(abs(low), abs(high)) / abs(gear)) > WHOLE_TURN:
+        also.append(f"that position drives may be told {farthest:g} rad, as ctrlrange is in radians")
     gain = _gain(actuator, "kp", "1")
     drag = gear * gear * _gain(actuator, "kv", "0") + damping
     eagerness = min(gear * gear * gain / drag if drag > 0 else speed, quickest)

@@ -270,6 +270,10 @@ def test_what_has_no_name_is_called_as_nothing_else_is():
         (leg(actuator='<position joint="hip" ctrlrange="-1 1" dampratio="1"/>'), "dampratio of drives"),
         (leg(actuator='<position joint="hip" ctrlrange="-1 1" timeconst="1"/>'), "timeconst of drives"),
         (ball(head='<option><flag clampctrl="disable"/></option>'), "flag clampctrl"),
+        (
+            leg(actuator='<position joint="hip" ctrlrange="-40 40" gear="2"/>'),
+            "that position drives may be told 20 rad, as ctrlrange is in radians",
+        ),
     ],
 )
 def test_what_passed_in_silence_is_named(text, note):
