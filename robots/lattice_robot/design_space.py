@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.lattice_robot.drive import Drive, Free
+from robots.lattice_robot.drive import CYCLES, Drive, Free
 from robots.lattice_robot.reflexes import Reflexes
 from robots.robot import Parameter
 from taichi_sim.base.arrays import Floats
@@ -87,15 +87,18 @@ class DesignSpace:
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The free variables; a phase that may be all of a cycle is an angle."""
-        phases = {name for drive in self.drives for name in drive.free if name.startswith(f"{drive.name}_phase")}
+        units = {name: unit for drive in self.drives for name, unit in drive.units.items()}
+        moduli = list(self.free)[len(self.free) - len(self.free_moduli) :]
+        units |= dict.fromkeys(moduli, "Pa")
         return tuple(
             Parameter(
                 name,
                 free.low,
                 free.high,
-                "angle" if name in phases and free.high - free.low == 1 else "continuous",
+                "angle" if units.get(name) == CYCLES and free.high - free.low == 1 else "continuous",
                 STEP * (free.high - free.low),
                 start=free.middle,
+                unit=units.get(name, ""),
             )
             for name, free in self.free.items()
         )

@@ -55,6 +55,7 @@ QUANTITIES = {
     "pressure": (Quantity.PRESSURE,),
     "friction": (Quantity.STATIC_FRICTION, Quantity.KINETIC_FRICTION),
 }
+CYCLES = "cycles"  # the unit of phases
 UNITS = {"scale": "", "temperature": "K", "pressure": "Pa", "friction": ""}
 FIELDS = ("mean", "amplitude", "phase", "knots")
 
@@ -146,12 +147,22 @@ class Drive:
     @property
     def free(self) -> dict[str, Free]:
         """Free numbers of the drive by name: ``legs_phase``, ``legs_phase_1`` of the first region, ``legs_knots_1``."""
+        return {name: value for name, (_, value) in self._free_fields().items()}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the free numbers, by the same names; empty of what has none."""
+        given = dict.fromkeys(FIELDS, UNITS[self.quantity]) | {"phase": CYCLES, "knots": ""}
+        return {name: given[field] for name, (field, _) in self._free_fields().items()}
+
+    def _free_fields(self) -> dict[str, tuple[str, Free]]:
+        """Field and value of the free numbers by name."""
         found = {}
         for field, values in self._fields():
             several = isinstance(getattr(self, field), tuple)
             for place, value in enumerate(values, 1):
                 if isinstance(value, Free):
-                    found[f"{self.name}_{field}_{place}" if several else f"{self.name}_{field}"] = value
+                    found[f"{self.name}_{field}_{place}" if several else f"{self.name}_{field}"] = field, value
         return found
 
     def filled(self, given: Iterable[float]) -> "Drive":
