@@ -67,6 +67,8 @@ def _replay(args: argparse.Namespace) -> Report:
     from robots.hardware import PneumaticRig
 
     rig = None if args.rig is None else PneumaticRig.load(args.rig)
+    if rig is not None:
+        rig.check_plays_gaits()
     joined = check_changes(args.replay, rig)
     with shown_progress("replay", 1.0, args.quiet) as update:
         found = replay_package(args.replay, update, args.threads, rig)

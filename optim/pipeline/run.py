@@ -127,7 +127,7 @@ def settings_of(task: PipelineTask) -> dict[str, Any]:
         "runs": task.runs,
         "seed": task.seed,
         "precision": task.precision,
-        "rig": dataclasses.asdict(task.rig),
+        "rig": {name: value for name, value in dataclasses.asdict(task.rig).items() if name != "lines"},  # it has none
         **({"calibration": dataclasses.asdict(task.calibration)} if task.calibration else {}),
         **({} if task.weight == "published" else {"weight": task.weight}),
         **({GROUND_FILES: files} if (files := ground_files(task.terrains)) else {}),

@@ -86,6 +86,7 @@ class PipelineTask:
         choice("weight", self.weight, WEIGHTS)
         if NAMED_GEOMETRIES[self.geometry].cores > 1:
             raise ValueError(f"geometry: {self.geometry!r} is not allowed; the tables of a package have one core")
+        self.rig.check_plays_gaits()
         if self.rig.cores > 1:
             raise ValueError(
                 f"rig: {self.rig.cores} lines for cores are not allowed; the tables of a package have one core"

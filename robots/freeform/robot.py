@@ -238,9 +238,9 @@ class FreeformRobot(Cyclic, Robot):
     @property
     def tabled_by(self) -> str:  # type: ignore[override]
         """Option that lets a rig have a line for each wave of the designs; empty if it has."""
-        from robots.hardware.channel_table import LINES
+        from robots.hardware.rig import PneumaticRig
 
-        channels, lines = self.actuation.channels, len(LINES)
+        channels, lines = self.actuation.channels, len(PneumaticRig().channel_lines)
         return "" if channels is not None and channels <= lines else f"--channels {lines}"
 
     @property

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from robots.hardware.gait_commands import gait_table as gait_table
     from robots.hardware.line_map import LineMap as LineMap
     from robots.hardware.lines import CHANNELS as CHANNELS
+    from robots.hardware.own_lines import OwnLines as OwnLines
     from robots.hardware.rig import PRESETS as PRESETS
     from robots.hardware.rig import Channel as Channel
     from robots.hardware.rig import PneumaticRig as PneumaticRig

@@ -17,17 +17,27 @@ from typing import Any
 import numpy as np
 
 from robots.hardware.headroom import RigReport, uses_of
-from robots.hardware.lines import BLADDER_LINES, CHANNELS
+from robots.hardware.lines import channel_lines
 from robots.hardware.rig import PneumaticRig
 from robots.hardware.rig_table import CHANNELS_SCHEMA as SCHEMA
-from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, read_table, seed_of, seed_text
+from robots.hardware.rig_table import (
+    LINES,
+    RigTable,
+    State,
+    rate_of,
+    rate_text,
+    read_content,
+    read_table,
+    seed_of,
+    seed_text,
+)
 from robots.hardware.timeline import Commands, RigViolation, Violation, asked, timeline, violations
 from robots.hardware.units import KPA_PER_UNIT
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.base.parsing import parse_json
+from taichi_sim.base.short_text import counted
 
-LINES = BLADDER_LINES  # those that channels can be on
 _SHORTEST = 1e-6  # of a state [s]
 _IN_PHASE = 0.02  # of a cycle: delays of lines may differ by so much without a word
 _TIMES = 1e-6  # to which times of rows are rounded [s]
@@ -110,6 +120,7 @@ class ChannelTable(RigTable):
         rhythm: requested timing of the waves; rows are slower where limits of rate were kept.
         waves: requested waves, in the order of their lines; in a table that was read, what its rows play.
         seed: seed of the search that found the robot; None if not known.
+        own_names: of the lines, if the rig names them itself; else empty.
     """
 
     times: Floats
@@ -124,6 +135,12 @@ class ChannelTable(RigTable):
     rate: float | None = None
     clipped: tuple[str, ...] = ()
     timing: tuple[State, ...] = ()
+    own_names: tuple[str, ...] = ()
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of all lines, in the order of their pressures."""
+        return self.own_names or super().channels
 
     @property
     def columns(self) -> int:
@@ -139,7 +156,7 @@ class ChannelTable(RigTable):
         """Header of the table's file: the rhythm, and the channel and calibration of each line."""
         lines = [
             {"line": line, "channel": wave.name, **asdict(wave.calibration), **wave.about}
-            for line, wave in zip(LINES, self.waves, strict=False)
+            for line, wave in zip(channel_lines(self.own_names), self.waves, strict=False)
         ]
         return [
             ("schema", SCHEMA),
@@ -148,6 +165,7 @@ class ChannelTable(RigTable):
             ("seed", seed_text(self.seed)),
             *((name, repr(value)) for name, value in asdict(self.rhythm).items()),
             ("rig", self.rig),
+            *([(LINES, ",".join(self.own_names))] if self.own_names else []),
             ("rate_hz", rate_text(self.rate)),
             *(("channel", json.dumps(line)) for line in lines),
             *(("clipped", line) for line in self.clipped),
@@ -171,8 +189,10 @@ class ChannelTable(RigTable):
         else:
             moments = np.arange(self.columns) / self.columns * times[-1]
             nodes = np.column_stack([np.interp(moments, times, line) for line in kpa.T])
+        places = map(self.channels.index, channel_lines(self.own_names))
         return tuple(
-            replace(wave, values=wave.calibration.values(nodes[:, 1 + line])) for line, wave in enumerate(self.waves)
+            replace(wave, values=wave.calibration.values(nodes[:, place]))
+            for place, wave in zip(places, self.waves, strict=False)
         )
 
 
@@ -191,7 +211,7 @@ def channel_table(
 
     Args:
         robot: its name.
-        waves: of its channels, at most as many as the rig has bladders.
+        waves: of its channels, at most as many as the rig has lines for them.
         rhythm: when they are played.
         rig: the dissertation's if None.
         units: ``"kpa"`` or ``"psi"``; None: those of the rig.
@@ -214,9 +234,8 @@ def channel_table(
         commands = _commands(waves, rhythm, rig, keep_slew=True)
     line = timeline(commands, quick, rate)
     told, pressures = tuple(map(str, found)), line.pressures / KPA_PER_UNIT[units]
-    table = ChannelTable(
-        line.times, line.numbers, pressures, units, robot, rhythm, tuple(waves), seed, rig.name, rate, told, line.states
-    )
+    table = ChannelTable(line.times, line.numbers, pressures, units, robot, rhythm, tuple(waves), seed, rig.name, rate)
+    table = replace(table, clipped=told, timing=line.states, own_names=rig.own_names)
     if late := _out_of_phase(table, rig):
         warnings.warn(late, stacklevel=2)
     return table
@@ -227,7 +246,7 @@ def _out_of_phase(table: ChannelTable, rig: PneumaticRig) -> str:
     delays = {
         name: channel.valve_delay_s
         for name, channel, commands in zip(rig.channel_names, rig.channels, table.pressures.T, strict=True)
-        if name in LINES and np.ptp(commands) > 0
+        if name in channel_lines(rig.own_names) and np.ptp(commands) > 0
     }
     if not delays:
         return ""
@@ -276,7 +295,7 @@ def read_channels(path: str | os.PathLike[str]) -> ChannelTable:
 
 
 def _read(lines: Sequence[str]) -> ChannelTable:
-    content = read_content(lines, SCHEMA)
+    content = read_content(lines, SCHEMA, may_name_lines=True)
     header = content.header
     try:
         rhythm = Rhythm(
@@ -292,12 +311,11 @@ def _read(lines: Sequence[str]) -> ChannelTable:
         raise ValueError(f"{missing.args[0]} is missing in the header") from None
     except (ValueError, TypeError, AttributeError) as error:
         raise ValueError(f"header is damaged ({error})") from None
-    if not 0 < len(waves) <= len(LINES):
+    if not 0 < len(waves) <= len(channel_lines(content.own_names)):
         raise ValueError(f"header is damaged ({len(waves)} channels)")
     times, states, pressures = content.rows(rhythm.nodes)
-    table = ChannelTable(
-        times, states, pressures, content.units, robot, rhythm, tuple(waves), seed, rig, rate, content.clipped
-    )
+    table = ChannelTable(times, states, pressures, content.units, robot, rhythm, tuple(waves), seed, rig, rate)
+    table = replace(table, clipped=content.clipped, own_names=content.own_names)
     return replace(table, waves=table.played())
 
 
@@ -309,6 +327,14 @@ def _wave(record: dict[str, Any], nodes: int) -> Wave:
 
 
 _CALIBRATION = ("low", "high", "low_kpa", "high_kpa")
+
+
+def too_many(channels: int, rig: PneumaticRig) -> str:
+    """Why a rig has no lines for so many channels; empty if it has."""
+    if channels <= (lines := len(rig.channel_lines)):
+        return ""
+    told = f"{channels} are not allowed; the rig {rig.name} has {counted(lines, 'line')} for them"
+    return f"{told}: let regions share a wave, or export for a rig with more"
 
 
 def _without_waits(rig: PneumaticRig) -> PneumaticRig:
@@ -326,26 +352,25 @@ def _commands(waves: Sequence[Wave], rhythm: Rhythm, rig: PneumaticRig, keep_sle
         rig: with limits, and with times of whole strokes, which lines take to begin and to vent.
         keep_slew: keep pressures and rates within the limits.
     """
-    if not 0 < len(waves) <= len(LINES):
-        raise ValueError(
-            f"channels: {len(waves)} are not allowed; the rig has {len(LINES)} lines for them, "
-            "so let regions share a wave"
-        )
+    if not waves or (refused := too_many(len(waves), rig)):
+        raise ValueError(f"channels: {refused if waves else '0 are not allowed; give one at least'}")
     if rig.cores > 1:
         raise ValueError(f"rig: {rig.cores} lines for cores are not allowed for channels; give a rig with one")
-    ring = np.zeros((rhythm.nodes, len(CHANNELS)))
-    for line, wave in enumerate(waves, 1):
-        ring[:, line] = wave.calibration.kpa(wave.values)
+    ring = np.zeros((rhythm.nodes, len(rig.channels)))
+    whole = np.full(len(rig.channels), np.inf)  # change of pressure of a whole stroke, of lines that change
+    for line, wave in zip(rig.channel_lines, waves, strict=False):
+        ring[:, line.place] = wave.calibration.kpa(wave.values)
+        whole[line.place] = abs(line.on_kpa - line.off_kpa)
     if keep_slew:
         low, high = rig.pressure_limits
         ring = np.clip(ring, low, high)
     cycle = np.roll(ring, -1, axis=0)
-    targets = np.vstack([ring[:1], cycle, cycle, np.zeros((1, len(CHANNELS)))])
-    steps = np.diff(np.vstack([np.zeros((1, len(CHANNELS))), targets]), axis=0)
+    vented = np.zeros((1, len(rig.channels)))
+    targets = np.vstack([ring[:1], cycle, cycle, vented])
+    steps = np.diff(np.vstack([vented, targets]), axis=0)
     strokes = rig.stroke_times(steps)
     lengths = np.full(len(targets), 1 / (rhythm.frequency * rhythm.nodes))
     # Beginning and venting take the rig's time of a stroke, by the part of it that is gone.
-    whole = np.append(np.inf, np.subtract(rig.line_map.on_kpa, rig.line_map.off_kpa))
     gentle = (np.abs(steps) / whole * strokes).max(axis=1)
     slowest = rig.least_times(steps).max(axis=1)
     lengths[0], lengths[-1] = max(rhythm.settling, gentle[0], slowest[0]), max(gentle[-1], slowest[-1], _SHORTEST)

@@ -43,8 +43,7 @@ def joined_faults(parts: Sequence[Part], rig: PneumaticRig) -> list[str]:
         ValueError: for a table that does not have the rig's lines.
     """
     for part in parts:
-        if (lines := part.table.pressures.shape[1]) != len(rig.channels):
-            raise ValueError(f"rig: {rig.name} has {len(rig.channels)} lines, the table {lines}")
+        rig.check_names(part.table.channels)
     found: list[str] = []
     before = parts[0].rows[2][-1]
     for part in parts[1:]:

@@ -23,9 +23,13 @@ from robots.hardware.lines import (
     CHANNELS,
     FEET,
     FOOT_LINES,
+    SHARED,
+    channel_lines,
     channel_names,
     core_count,
+    own_names,
 )
+from robots.hardware.own_lines import ChannelLine, OwnLines
 from robots.hardware.units import (
     KPA_PER_UNIT,
     NotNegativePressure,
@@ -100,17 +104,21 @@ _MAP = LineMap(ramp_pa=RAMP_PA)
 
 @dataclass(frozen=True, repr=False)
 class PneumaticRig(ShortText):
-    """A pneumatic rig, whose lines drive the inflatable robot. The defaults are the dissertation's rig.
+    """A pneumatic rig, whose lines drive the inflatable robot, or are others with names of their own.
+
+    The defaults are the dissertation's rig.
 
     Attributes:
         name: name of the rig for people.
         supply_kpa: pressure of the supply; no line can exceed it [kPa].
         vacuum_kpa: pressure of the vacuum, negative, or 0 without one; no line can fall below it, nor it below
             that of empty space [kPa].
-        channels: in the order of :attr:`channel_names`: core, or several cores, bladders 1 to 8, feet 1 and 2.
+        channels: in the order of :attr:`channel_names`: core, or several cores, bladders 1 to 8, feet 1 and 2; or those
+            of ``lines``.
         shortest_state_s: duration of a state in which nothing changes [s].
-        line_map: pressures that lines take for what is simulated.
+        line_map: pressures that lines take for what is simulated of the inflatable robot.
         units: ``"kpa"`` or ``"psi"``, the unit of messages and tables; all fields are in kPa.
+        lines: that the rig has in place of core, bladders and feet, for robots of one's own; None for none.
 
     Raises:
         ValueError: for a value that is not allowed, or pressures of a line beyond supply or vacuum.
@@ -123,6 +131,7 @@ class PneumaticRig(ShortText):
     shortest_state_s: Positive = 0.1
     line_map: LineMap = _MAP
     units: str = field(default="kpa", compare=False)
+    lines: OwnLines | None = None
 
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name.isprintable()):
@@ -130,8 +139,10 @@ class PneumaticRig(ShortText):
         choice("units", self.units, KPA_PER_UNIT)
         check_fields(self)
         object.__setattr__(self, "channels", tuple(self.channels))
+        given = len(self.channels)
+        if self.lines is not None and given != len(self.lines.names):
+            raise ValueError(f"channels: {given} are not allowed; give one for each of {len(self.lines.names)} lines")
         if self.cores > MOST_CORES:
-            given = len(self.channels)
             raise ValueError(f"channels: {given} are not allowed; give {len(CHANNELS)} to {ACTUATORS + MOST_CORES}")
         for name, channel in zip(self.channel_names, self.channels, strict=True):
             if channel.maximum_kpa > self.supply_kpa:
@@ -148,16 +159,57 @@ class PneumaticRig(ShortText):
                     lambda unit: f"the vacuum has {unit.text(self.vacuum_kpa)} {unit.spelling}",
                 )
                 raise error.of(name)
+        for line in () if self.lines is None else self.lines.channel_lines:
+            _check_within(line, self.channels[line.place])
 
     @property
     def cores(self) -> int:
         """Number of lines that drive cores."""
-        return core_count(len(self.channels))
+        return core_count(len(self.channels)) if self.lines is None else 0
 
     @property
     def channel_names(self) -> tuple[str, ...]:
-        """Names of the cores, bladders and feet that the lines drive, in order."""
-        return channel_names(self.cores)
+        """Names of the cores, bladders and feet that the lines drive, or those of its own lines, in order."""
+        return self.own_names or channel_names(self.cores)
+
+    @property
+    def own_names(self) -> tuple[str, ...]:
+        """Names that the rig gives its lines itself; empty if they are core, bladders and feet."""
+        return () if self.lines is None else self.lines.names
+
+    @property
+    def channel_lines(self) -> tuple[ChannelLine, ...]:
+        """The lines that channels of robots of one's own are on, in order."""
+        if self.lines is not None:
+            return self.lines.channel_lines
+        names, bladders = self.channel_names, channel_lines(())
+        pressures = zip(bladders, self.line_map.off_kpa, self.line_map.on_kpa, strict=False)
+        return tuple(ChannelLine(names.index(name), name, off, on) for name, off, on in pressures)
+
+    def check_names(self, names: Sequence[str]) -> None:
+        """Check that a table has the lines of this rig.
+
+        Raises:
+            ValueError: if it has others.
+        """
+        ours = self.channel_names
+        if len(names) != len(ours):
+            raise ValueError(f"rig: {self.name} has {len(ours)} lines, the table has {len(names)}")
+        for own, other in zip(ours, names, strict=True):
+            if own != other:
+                told = f"{self.name} has the line {own} where the table has {other}"
+                raise ValueError(f"rig: {told}; give the rig that the table is for")
+
+    def check_plays_gaits(self) -> None:
+        """Check that the rig has the lines of the inflatable robot.
+
+        Raises:
+            ValueError: if it has lines of its own.
+        """
+        if self.lines is not None:
+            told = f"{self.name} has lines of its own, {self.lines.names[0]} and on"
+            allowed = "a gait of the inflatable robot needs core, bladders and feet, so give a rig without lines ="
+            raise ValueError(f"rig: {told}; {allowed}")
 
     @property
     def pressure_limits(self) -> tuple[Floats, Floats]:
@@ -183,7 +235,10 @@ class PneumaticRig(ShortText):
         channels = {name: asdict(channel) for name, channel in zip(self.channel_names, self.channels, strict=True)}
         data = {name: getattr(self, name) for name in _SIMPLE}
         data |= {"cores": self.cores} if self.cores > 1 else {}
-        content = {"units": "kpa", **data, "map": asdict(self.line_map), "channels": channels}
+        map_of_file: dict[str, Any] = asdict(self.line_map if self.lines is None else self.lines)
+        if self.lines is not None:
+            data["lines"] = map_of_file.pop("names")
+        content = {"units": "kpa", **data, "map": map_of_file, "channels": channels}
         write_text(path, tomli_w.dumps(content))
 
     @staticmethod
@@ -192,6 +247,8 @@ class PneumaticRig(ShortText):
 
         In a file ``[channels.bladder]`` is all bladders, ``[channels.bladder3]`` what differs in the third.
         With ``cores = 2`` it has two lines for cores: ``[channels.core]`` is both, ``[channels.core1]`` the first.
+        With ``lines = ["v1", "v2"]`` it has these in place of all others: ``[channels.default]`` is both; what that
+        leaves out is as in the dissertation's bladders.
 
         A file that gives no name is named as it is called, and none may take that of a preset with other values: tables
         know their rig by its name.
@@ -232,8 +289,20 @@ _LAGGED = replace(
 PRESETS: Mapping[str, PneumaticRig] = MappingProxyType({rig.name: rig for rig in (_DISSERTATION, _GENTLE, _LAGGED)})
 
 _SEVERAL = {"bladder": BLADDER_LINES, "foot": FOOT_LINES}  # tables that speak of several channels
-_SIMPLE = tuple(each.name for each in fields(PneumaticRig) if each.name not in ("channels", "line_map", "units"))
-_NAMES = ("units", *_SIMPLE, "map", "channels", "cores")
+_NOT_SIMPLE = ("channels", "line_map", "units", "lines")
+_SIMPLE = tuple(each.name for each in fields(PneumaticRig) if each.name not in _NOT_SIMPLE)
+_NAMES = ("units", *_SIMPLE, "map", "channels", "cores", "lines")
+
+
+def _check_within(line: ChannelLine, limits: Channel) -> None:
+    """Refuse pressures of an own line beyond its limits, with which no size or temperature could be played."""
+    for field_name, kpa in (("off_kpa", line.off_kpa), ("on_kpa", line.on_kpa)):
+        if not limits.minimum_kpa <= kpa <= limits.maximum_kpa:
+
+            def why(unit: Unit) -> str:
+                return f"its limits are {unit.text(limits.minimum_kpa)} and {unit.text(limits.maximum_kpa)}"
+
+            raise refused(field_name, kpa, why).of(line.name)
 
 
 def _rig(data: dict[str, Any]) -> PneumaticRig:
@@ -251,6 +320,9 @@ def _built(given: dict[str, Any], unit: Unit) -> PneumaticRig:
     """The rig of a file's content, whose pressures are in a unit."""
     data = _in_kpa(given, "rig", _NAMES, unit)
     default = PneumaticRig()
+    simple = {name: value for name, value in data.items() if name in _SIMPLE}
+    if "lines" in data:
+        return replace(default, units=unit.name, **simple, **_own_lines(data, unit))
     cores = whole_number("cores", data.pop("cores", 1), 1, MOST_CORES)
     names = channel_names(cores)
     channels = dict(zip(names, default.channels[:1] * cores + default.channels[1:], strict=True))
@@ -260,8 +332,24 @@ def _built(given: dict[str, Any], unit: Unit) -> PneumaticRig:
         for name in several.get(table, (table,)):
             channels[name] = _changed(channels[name], table, tables[table], unit)
     line_map = _changed(LineMap(), "map", data.pop("map", {}), unit)  # files that say no ramp have none
-    simple = {name: value for name, value in data.items() if name in _SIMPLE}
     return replace(default, channels=tuple(channels.values()), line_map=line_map, units=unit.name, **simple)
+
+
+def _own_lines(data: Mapping[str, Any], unit: Unit) -> dict[str, Any]:
+    """The lines that a file names itself and their channels, as fields of a rig."""
+    names = own_names("lines", data["lines"])
+    if "cores" in data:
+        raise ValueError("cores: it is not allowed beside lines, which names all that the rig has; leave it out")
+    tables = _in_kpa(data.get("channels", {}), "channels", (SHARED, *names), unit)
+    shared = _changed(_BLADDER, SHARED, tables.get(SHARED, {}), unit)
+    channels = [_changed(shared, name, tables.get(name, {}), unit) for name in names]
+    told = _in_kpa(data.get("map", {}), "map", ("off_kpa", "on_kpa"), unit)
+    limits = [(channel.minimum_kpa, channel.maximum_kpa) for channel in channels]
+    try:
+        lines = OwnLines.within(names, limits, **told)
+    except PressureError as error:
+        raise error.of("map") from None
+    return {"channels": tuple(channels), "lines": lines}
 
 
 def _changed(given: Described, what: str, table: object, unit: Unit) -> Described:

@@ -95,6 +95,9 @@ class Play:
     response: Response = WHOLE_RESPONSE
     copy: int = 0
 
+    def __post_init__(self) -> None:
+        self.rig.check_names(self.table.channels)
+
 
 class PlaySettings(ComputeOptions, total=False):
     """Settings of :func:`play_tables`, as keywords."""

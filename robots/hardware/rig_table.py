@@ -17,7 +17,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from robots.hardware.lines import channel_names, core_count
+from robots.hardware.lines import channel_names, core_count, own_names
 from robots.hardware.units import KPA_PER_UNIT, UNIT_SPELLING
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import read_text, write_text
@@ -26,6 +26,7 @@ from taichi_sim.base.short_text import ShortText
 Table = TypeVar("Table", bound="RigTable")
 SECTIONS = ("prefix", "main", "suffix")
 CHANNELS_SCHEMA = "morpholab-channels-1"  # of tables of the channels of robots other than the inflatable one
+LINES = "lines"  # what the header calls the names of lines that a rig names itself
 _FIRST = ("time_s", "section", "state")
 _NO_SEED = "unknown"
 
@@ -63,7 +64,8 @@ class RigTable(ShortText, ABC):
         times: of the rows [s], shape (N,); see :class:`GaitTable`.
         states: numbers of the states that rows belong to, shape (N,): 0 prepares, then the columns come twice, in
             prefix and main, then lines are vented.
-        pressures: gauge pressures of :attr:`channels` in ``units``, shape (N, 11), or (N, C + 10) of C cores.
+        pressures: gauge pressures of :attr:`channels` in ``units``, shape (N, 11), or (N, C + 10) of C cores, or
+            (N, L) of a rig with L lines of its own.
         units: ``"kpa"`` or ``"psi"``.
         rig: name of the rig.
         rate: rows per second; None for rows at corners.
@@ -159,11 +161,13 @@ class Content:
         pairs: names and values of the header, in its order.
         lines: all lines of the file.
         units: of the pressures.
+        own_names: of the rig's lines, if it names them itself.
     """
 
     pairs: tuple[tuple[str, str], ...]
     lines: tuple[str, ...]
     units: str
+    own_names: tuple[str, ...] = ()
 
     @property
     def header(self) -> Mapping[str, str]:
@@ -188,8 +192,8 @@ class Content:
         return found
 
 
-def read_content(lines: Sequence[str], schema: str) -> Content:
-    """The content of a table's file, whose header must name this schema.
+def read_content(lines: Sequence[str], schema: str, may_name_lines: bool = False) -> Content:
+    """The content of a table's file, whose header must name this schema, and may name the lines of its rig.
 
     Raises:
         ValueError: if the head is damaged.
@@ -201,8 +205,9 @@ def read_content(lines: Sequence[str], schema: str) -> Content:
         raise ValueError(f"schema {given!r} is unknown; the first line must be '# schema={schema}'")
     if (units := header.get("units", "")) not in KPA_PER_UNIT:
         raise ValueError(f"units {units!r} are unknown; give one of {', '.join(KPA_PER_UNIT)}")
-    _check_columns(lines, len(head), units)
-    return Content(pairs, tuple(lines), units)
+    own = own_names(LINES, header[LINES].split(",")) if may_name_lines and LINES in header else ()
+    _check_columns(lines, len(head), units, own)
+    return Content(pairs, tuple(lines), units, own)
 
 
 def clipped_in(path: str | os.PathLike[str]) -> list[str]:
@@ -223,10 +228,10 @@ def read_table(path: str | os.PathLike[str], build: Callable[[Sequence[str]], Ta
         raise ValueError(f"{path}: {error}") from None
 
 
-def _check_columns(lines: Sequence[str], at: int, units: str) -> None:
+def _check_columns(lines: Sequence[str], at: int, units: str, own: Sequence[str]) -> None:
     given = lines[at].split(",") if at < len(lines) else []
     cores = sum(re.fullmatch(rf"core\d+_{UNIT_SPELLING[units]}", name) is not None for name in given)
-    expected = _column_names(units, channel_names(max(1, cores))).split(",")
+    expected = _column_names(units, own or channel_names(max(1, cores))).split(",")
     if missing := [name for name in expected if name not in given]:
         raise ValueError(f"line {at + 1}: column {missing[0]} is missing; give {','.join(expected)}")
     if given != expected:

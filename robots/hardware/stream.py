@@ -284,8 +284,7 @@ def stream_of(
         ValueError: if the table exceeds limits of the rig, has another number of lines, or names an unknown rig.
     """
     rig = rig or rig_of_table(table)
-    if (lines := table.pressures.shape[1]) != len(rig.channels):
-        raise ValueError(f"rig: {rig.name} has {len(rig.channels)} lines, the table has {lines}")
+    rig.check_names(table.channels)
     stream = Stream(table, rig, table.loops if loops is None else loops, rate or table.rate or USUAL_RATE)
     _check_limits(stream)
     return stream

@@ -220,8 +220,10 @@ def on_lines(design: InflatableDesign, rig: PneumaticRig) -> InflatableDesign:
     """The design with a pressure for each of the rig's lines for cores, or with one for all of them.
 
     Raises:
-        ValueError: for a design with several cores that are not alike, and another number of lines for them.
+        ValueError: for a design with several cores that are not alike, and another number of lines for them; and for a
+            rig with lines of its own.
     """
+    rig.check_plays_gaits()
     pressure, schedule, core = design.pressure, design.schedule, design.schedule.core_pressure
     lines = "a rig has one line for the core" if rig.cores == 1 else f"the rig has {rig.cores} lines for cores"
     allowed = f"{lines}, so give all cores one, or name a rig with a line for each"

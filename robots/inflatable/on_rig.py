@@ -48,7 +48,9 @@ def gait_of_table(
                 f"table: its rows differ from the gait in its header in {told}; rows are played", stacklevel=2
             )
         return played, None, None
-    return table.design, PneumaticRig.load(options["rig"]), table
+    rig = PneumaticRig.load(options["rig"])
+    rig.check_names(table.channels)
+    return table.design, rig, table
 
 
 def _differences(played: InflatableDesign, designed: InflatableDesign) -> str:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robots.hardware.channel_table import LINES, Calibration, ChannelTable, Rhythm, Wave
+from robots.hardware.channel_table import Calibration, ChannelTable, Rhythm, Wave, too_many
 from robots.hardware.rig import PneumaticRig
 from robots.lattice_robot.channels import Channel, channels_of
 from robots.lattice_robot.drive import UNITS, Drive
@@ -35,27 +35,25 @@ def full_scale_of(text: str) -> FullScale:
     return parts[0] if len(parts) == 1 else (parts[0], parts[1])
 
 
-def unplayed(robot: "LatticeRobot") -> str:
-    """Why no rig plays a robot of which nothing is free; empty if one can."""
+def unplayed(robot: "LatticeRobot", rig: PneumaticRig | None = None) -> str:
+    """Why a rig, the dissertation's if None, does not play a robot of which nothing is free; empty if it can."""
     other = [f"{drive.name} ({drive.quantity})" for drive in robot.drives if drive.quantity not in PLAYED]
     if other:
         return f"no line plays {', '.join(other)}; it takes drives of {', '.join(PLAYED)}"
-    if (count := len(channels_of(robot))) > len(LINES):
-        return f"{count} channels are not allowed; a rig has {len(LINES)} lines for them, so let regions share a wave"
-    return ""
+    return too_many(len(channels_of(robot)), rig or PneumaticRig())
 
 
 def waves_of(robot: "LatticeRobot", rig: PneumaticRig, full_scale: FullScale | None = None) -> list[Wave]:
-    """The waves of a robot's channels on the lines of a rig's bladders, of which nothing is free.
+    """The waves of a robot's channels on the lines of a rig for them, of which nothing is free.
 
     Pressures are on lines as they are. Another quantity goes in proportion from the line's pressure when off to that
-    when on, see ``LineMap``: from ``full_scale``'s first value to its second, or from rest to ``full_scale`` above it;
-    by default from the lowest to the highest value of all channels of this quantity.
+    when on, see ``LineMap`` and ``OwnLines``: from ``full_scale``'s first value to its second, or from rest to
+    ``full_scale`` above it; by default from the lowest to the highest value of all channels of this quantity.
 
     Raises:
         ValueError: if no rig plays the robot, or ``full_scale`` stands for several quantities, or for none.
     """
-    if why := unplayed(robot):
+    if why := unplayed(robot, rig):
         raise ValueError(f"drives: {why}")
     channels = channels_of(robot)
     scaled = sorted({channel.quantity for channel in channels} - {"pressure"})
@@ -64,9 +62,8 @@ def waves_of(robot: "LatticeRobot", rig: PneumaticRig, full_scale: FullScale | N
         why = f"it would be of {told}; leave it out" if scaled else "pressures are played as they are; leave it out"
         raise ValueError(f"full-scale: {full_scale!r} is not allowed, as {why}")
     found = []
-    for channel, line in zip(channels, range(len(LINES)), strict=False):
-        off, on = rig.line_map.off_kpa[line], rig.line_map.on_kpa[line]
-        calibration = _calibration(channel, channels, off, on, full_scale)
+    for channel, line in zip(channels, rig.channel_lines, strict=False):
+        calibration = _calibration(channel, channels, line.off_kpa, line.on_kpa, full_scale)
         fields = ("drive", "quantity", "axes", "regions", "rest", "relative")
         about: dict[str, Any] = {name: getattr(channel, name) for name in fields}
         about |= {"regions": list(channel.regions), "unit": UNITS[channel.quantity]}
