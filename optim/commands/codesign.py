@@ -218,8 +218,7 @@ def _report(last: "Generation", folder: Path, written: list[str], planned: Plan)
         document["limits_broken"] = broken
         told[1:1] = [f"breaks {each}" for each in broken]
     if TABLE_FILE in written and (clipped := clipped_in(folder / TABLE_FILE)):
-        count = counted(len(clipped), "time")
-        told.append(f"{TABLE_FILE}: clipped to what the rig can do {count}, as its header tells; first {clipped[0]}")
+        told.append(f"{TABLE_FILE}: clipped {counted(len(clipped), 'time')} to a rig's limits, as its header tells")
     if ROBUST_FILE in written:
         document["robust"] = read_robust(folder)
         told[-1:-1] = lines_of(folder)

@@ -1,12 +1,12 @@
 """What the pneumatic rig's limits say of a gait."""
 
-import re
 from collections.abc import Sequence
 from typing import Any
 
 from optim.report.markup import Html, Section, Text, joined, number, paragraph, table
 from robots.hardware import KPA_PER_UNIT
 from robots.hardware.headroom import AT_THE_LIMIT, EXCEEDED, NEAR_THE_LIMIT, WITHIN, RigReport, Use
+from robots.hardware.lines import spoken
 
 HEADER = (
     *("Channel", "Pressure, kPa", "Allowed, kPa", "Pressure, psi", "Allowed, psi"),
@@ -59,7 +59,7 @@ def _span(low: float, high: float, unit: float) -> Html:
 
 def _name(names: Sequence[str]) -> str:
     """Channels in words, such as ``bladders 1 to 8``."""
-    words = [re.sub(r"(\d+)", r" \1", name) for name in names]
+    words = list(map(spoken, names))
     (kind, _, first), (last_kind, _, last) = words[0].partition(" "), words[-1].partition(" ")
     if len(words) == 1 or kind != last_kind:
         return ", ".join(words)

@@ -329,12 +329,11 @@ def _wave(record: dict[str, Any], nodes: int) -> Wave:
 _CALIBRATION = ("low", "high", "low_kpa", "high_kpa")
 
 
-def too_many(channels: int, rig: PneumaticRig) -> str:
-    """Why a rig has no lines for so many channels; empty if it has."""
+def too_few_lines(channels: int, rig: PneumaticRig) -> str:
+    """What a rig lacks for so many channels; empty if it has lines for them."""
     if channels <= (lines := len(rig.channel_lines)):
         return ""
-    told = f"{channels} are not allowed; the rig {rig.name} has {counted(lines, 'line')} for them"
-    return f"{told}: let regions share a wave, or export for a rig with more"
+    return f"the rig {rig.name} has {counted(lines, 'line')} for them: let regions share a wave, or give a rig of more"
 
 
 def _without_waits(rig: PneumaticRig) -> PneumaticRig:
@@ -352,8 +351,8 @@ def _commands(waves: Sequence[Wave], rhythm: Rhythm, rig: PneumaticRig, keep_sle
         rig: with limits, and with times of whole strokes, which lines take to begin and to vent.
         keep_slew: keep pressures and rates within the limits.
     """
-    if not waves or (refused := too_many(len(waves), rig)):
-        raise ValueError(f"channels: {refused if waves else '0 are not allowed; give one at least'}")
+    if why := too_few_lines(len(waves), rig) if waves else "give one at least":
+        raise ValueError(f"channels: {len(waves)} are not allowed; {why}")
     if rig.cores > 1:
         raise ValueError(f"rig: {rig.cores} lines for cores are not allowed for channels; give a rig with one")
     ring = np.zeros((rhythm.nodes, len(rig.channels)))

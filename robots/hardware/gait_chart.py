@@ -1,7 +1,8 @@
 """The picture of a gait table: pressures of all lines over time, as a rig would play them."""
 
 import io
-import re
+import itertools
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from robots.hardware.lines import core_count
+from robots.hardware.lines import ACTUATOR_LINES, ACTUATORS, spoken
 from robots.hardware.rig_table import RigTable
 from robots.inflatable.view.colours import BLADDERS, FEET
 from robots.view.scene import GROUND, INK
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _WIDTH, _ROW, _MARGINS = 9.0, 0.36, 1.0  # [inch]
+_LEFT, _END = 0.09, 0.87  # of the rows, as parts of the width
+_LETTER, _GAP = 0.068, 0.15  # of a label, and beside it [inch]
 _CORE = "#4f6d8f"
 
 
@@ -33,9 +36,11 @@ def gait_chart(table: RigTable) -> Figure:
         table: a table that was made in this process, not read from a file: only such a table knows its states.
     """
     names = table.channels
-    colours = (*(_CORE,) * core_count(len(names)), *BLADDERS, *FEET)
+    colours, labels = _colours(names), list(map(spoken, names))
+    left = max(_LEFT, (_LETTER * max(map(len, labels)) + _GAP) / _WIDTH)
     figure = Figure(figsize=(_WIDTH, _ROW * len(names) + _MARGINS), facecolor="white")
-    axes = figure.add_axes((0.09, 0.5 / figure.get_figheight(), 0.78, 1 - _MARGINS / figure.get_figheight()))
+    height = figure.get_figheight()
+    axes = figure.add_axes((left, 0.5 / height, _END - left, 1 - _MARGINS / height))
     for row, (name, colour) in enumerate(zip(names, colours, strict=True)):
         pressures = table.pressures[:, row]
         low, high = min(0.0, pressures.min()), max(0.0, pressures.max())
@@ -49,7 +54,6 @@ def gait_chart(table: RigTable) -> Figure:
         axes.text(1.01, row + 0.5, text, transform=axes.get_yaxis_transform(), va="center", fontsize=7, color=INK)
     _mark_sections(table, axes)
     axes.set(xlim=(table.times[0], table.times[-1]), ylim=(len(names), 0.0))
-    labels = [re.sub(r"(\d)", r" \1", name) for name in names]
     axes.set_yticks(np.arange(len(names)) + 0.5, labels)
     axes.tick_params(length=0, labelsize=7.5, labelcolor=INK)
     axes.set_xlabel("time [s], the main played once", fontsize=8, color=INK)
@@ -57,6 +61,13 @@ def gait_chart(table: RigTable) -> Figure:
     unit = "kPa" if table.units == "kpa" else "psi"
     axes.text(1.01, -0.3, unit, transform=axes.get_yaxis_transform(), fontsize=7.5, color=INK)
     return figure
+
+
+def _colours(names: Sequence[str]) -> Sequence[str]:
+    """Colours of lines: those of the inflatable robot's parts, or of its bladders in turn for lines of other names."""
+    if tuple(names[-ACTUATORS:]) == ACTUATOR_LINES:
+        return (*(_CORE,) * (len(names) - ACTUATORS), *BLADDERS, *FEET)
+    return tuple(itertools.islice(itertools.cycle(BLADDERS), len(names)))
 
 
 def _mark_sections(table: RigTable, axes: "Axes") -> None:

@@ -42,6 +42,11 @@ def channel_lines(own: Sequence[str]) -> tuple[str, ...]:
     return tuple(own) or BLADDER_LINES
 
 
+def spoken(name: str) -> str:
+    """A line as people call it, such as ``bladder 1``; names that a rig gives itself stay as they are."""
+    return re.sub(r"^(core|bladder|foot)(\d+)$", r"\1 \2", name)
+
+
 def own_names(field: str, given: object) -> tuple[str, ...]:
     """Check the names that a rig gives its lines.
 

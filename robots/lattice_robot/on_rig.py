@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robots.hardware.channel_table import Calibration, ChannelTable, Rhythm, Wave, too_many
+from robots.hardware.channel_table import Calibration, ChannelTable, Rhythm, Wave, too_few_lines
 from robots.hardware.rig import PneumaticRig
 from robots.lattice_robot.channels import Channel, channels_of
 from robots.lattice_robot.drive import UNITS, Drive
@@ -40,7 +40,9 @@ def unplayed(robot: "LatticeRobot", rig: PneumaticRig | None = None) -> str:
     other = [f"{drive.name} ({drive.quantity})" for drive in robot.drives if drive.quantity not in PLAYED]
     if other:
         return f"no line plays {', '.join(other)}; it takes drives of {', '.join(PLAYED)}"
-    return too_many(len(channels_of(robot)), rig or PneumaticRig())
+    count = len(channels_of(robot))
+    why = too_few_lines(count, rig or PneumaticRig())
+    return f"{count} channels are not allowed; {why}" if why else ""
 
 
 def waves_of(robot: "LatticeRobot", rig: PneumaticRig, full_scale: FullScale | None = None) -> list[Wave]:

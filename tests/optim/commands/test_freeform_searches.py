@@ -12,6 +12,7 @@ from run_products import log
 from optim.problems.robot import RobotProblem, seeded
 from robots.freeform.grid import Grid
 from robots.freeform.robot import FreeformRobot
+from robots.hardware import read_channels
 from robots.lattice_robot import save_robot
 from robots.lattice_robot.presets import soft_quadruped
 
@@ -89,18 +90,22 @@ def test_a_run_of_an_earlier_version_with_too_few_cells_is_still_read():
 
 
 @pytest.mark.kernels
-def test_a_run_says_why_it_has_no_table_for_a_rig_and_how_to_get_one(morpholab):
+def test_a_run_says_why_it_has_no_table_for_a_rig_and_how_to_get_one(morpholab, tmp_path):
     line = f"{SMALL} --method random --climbers 2 --generations 0 --full"
     code, out, error = morpholab(f"{line} --out a")
     assert (code, error) == (0, "") and out.splitlines()[-2:] == [
         "a: best.json",
-        "no gait.csv: 24 channels are not allowed; a rig has 8 lines for them, so let regions share a wave; "
-        "search with --channels 8",
+        "no gait.csv: 24 channels are not allowed; the rig dissertation has 8 lines for them: let regions share a "
+        "wave, or give a rig of more; search with --channels 8",
     ]
     told = json.loads(morpholab("codesign --resume --out a --quiet --threads 1 --json")[1])["no_table"]
     assert told.endswith("; search with --channels 8")
     code, played, error = morpholab("simulate --gait a/best.json --out c --precision f32 --quiet")
     assert played.endswith(f"\nno gait.csv: {told.removesuffix('; search with --channels 8')}\n"), (code, played, error)
+    (tmp_path / "many.toml").write_text(f"lines = {[f'valve{number}' for number in range(1, 25)]}\n")
+    assert morpholab("export a --rig many.toml --csv many.csv --on-violation clip")[0] == 0
+    table = read_channels("many.csv")
+    assert table.channels[-1] == "valve24" and len(table.waves) == 24 and table.pressures.any(axis=0).all()
     code, out, _ = morpholab(f"{line} --channels 8 --out b")
     assert code == 0 and "\nb: best.json, gait.csv\n" in f"{out}\n" and "no gait.csv" not in out
 

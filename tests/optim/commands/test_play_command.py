@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 from worker_checks import heed_interrupts
 
-from robots.hardware import PneumaticRig, export_csv, read_csv
+from robots.hardware import PneumaticRig, export_csv, read_csv, write_csv
+from robots.hardware.channel_table import Calibration, Rhythm, Wave, channel_table
 from robots.hardware.controller import check_baud, serial_link
 from robots.hardware.stream import CommaLines, JsonLines, Sample, stream_of
 from robots.inflatable import ROLLING
@@ -441,6 +442,30 @@ struct Line {
   void println(long number) { printf("%ld\\n", number); }
 } Serial;
 """
+
+
+def test_a_rig_of_own_lines_is_played_to_a_controller(morpholab, folder):
+    (folder / "two.toml").write_text('lines = ["left", "right"]\n[channels.default]\nslew_kpa_per_s = 1e4\n')
+    rig = PneumaticRig.load(folder / "two.toml")
+    wave = Wave("a", np.array([0.0, 1.0]), Calibration(0.0, 1.0, 0.0, 20.0), {})
+    write_csv(channel_table("robot", [wave], Rhythm(20.0, 1, 0.05, 2), rig), folder / "two.csv")
+    controller = Controller(ok)
+    line = f"play two.csv --port {controller.path} --ready 0 --ack 2 --rate 40 --rig two.toml"
+    assert morpholab(line)[0] == 0
+    controller.wait_for('{"stop":"end"}')
+    header, *samples = controller.documents()
+    assert header["channels"] == ["left", "right"]
+    assert {len(each["p"]) for each in samples if "n" in each} == {2}
+    code, out, error = morpholab("play two.csv --dry-run --rig two.toml")
+    assert code == 0 and "\nright: 0 to 0 kPa; two allows 0 to 20" in out
+    told = {
+        "": "the table is for 'two', whose limits are not known",
+        " --rig quick.toml": "quick has 11 lines, the table",
+    }
+    for options, why in told.items():
+        code, out, error = morpholab(f"play two.csv --dry-run{options}")
+        assert code == 2 and error.startswith(f"morpholab play: error: rig: {why}") and error.count("\n") == 1
+    assert morpholab("play gait.csv --dry-run --rig two.toml")[2].endswith("rig: two has 2 lines, the table has 11\n")
 
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++")

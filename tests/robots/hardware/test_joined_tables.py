@@ -91,7 +91,7 @@ def test_pressures_beyond_the_lines_are_faults():
 
 def test_a_rig_of_other_lines_is_refused():
     two = dataclasses.replace(RIG, channels=(RIG.channels[0], *RIG.channels), name="two")
-    with pytest.raises(ValueError, match=r"^rig: two has 12 lines, the table 11$"):
+    with pytest.raises(ValueError, match=r"^rig: two has 12 lines, the table has 11$"):
         joined_faults([Part(gait_table(ROLLING, RIG), "main")], two)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from robots.hardware import PneumaticRig, RigViolation, read_channels, write_csv
+from robots.hardware import OwnLines, PneumaticRig, RigViolation, read_channels, write_csv
 from robots.hardware.dry_run import timing_text
 from robots.lattice_robot import Drive, Free, LatticeRobot, load_robot, simulate
 from robots.lattice_robot.channels import places_alike
@@ -27,6 +27,13 @@ FAST = dataclasses.replace(
     name="fast",
     channels=tuple(dataclasses.replace(channel, slew_kpa_per_s=1e5) for channel in PneumaticRig().channels),
 )
+FOUR = dataclasses.replace(
+    FAST,
+    name="four",
+    channels=FAST.channels[1:5],
+    lines=OwnLines(("left", "right", "front", "back"), (0.0, 0.0, 20.0, 5.0), (20.0, 20.0, 0.0, 15.0)),
+)
+THREE = OwnLines.within(("a", "b", "c"), [(0.0, 20.0)] * 3)
 
 
 def robot(drives=None, **settings):
@@ -169,10 +176,13 @@ def test_the_highest_frequency_that_a_rig_plays_is_told():
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize(("settings", "nearness"), [({}, 1e-6), ({"units": "psi"}, 1e-6), ({"rate": 480.0}, 1e-3)])
+@pytest.mark.parametrize(
+    ("settings", "nearness"),
+    [({}, 1e-6), ({"units": "psi"}, 1e-6), ({"rate": 480.0}, 1e-3), ({"rig": FOUR, "units": "psi"}, 1e-6)],
+)
 def test_a_table_plays_in_simulation_as_designed(tmp_path, settings, nearness):
     designed = robot()
-    table = designed.table(rig=FAST, **settings)
+    table = designed.table(**{"rig": FAST, **settings})
     write_csv(table, tmp_path / "a.csv")
     played = played_robot(designed, read_channels(tmp_path / "a.csv"))
     assert [drive.name for drive in played.drives] == ["legs 1", "legs 2", "legs 3", "plate"]
@@ -209,10 +219,17 @@ def test_robots_that_no_rig_plays_say_why():
     array = np.ones((3, 3, 1), int)
     body = body_from_array(array, SOFT, 0.01, regions=np.arange(9).reshape(array.shape))
     many = LatticeRobot(body, (Drive("all", range(9), amplitude=0.1, phase=tuple(np.arange(9) / 9)),))
-    with pytest.raises(ValueError, match=r"^drives: 9 channels are not allowed; a rig has 8 lines for them"):
+    with pytest.raises(ValueError, match=r"^drives: 9 channels are not allowed; the rig dissertation has 8 lines"):
         many.table()
     assert not grip.exportable and not many.exportable
-    assert many.untabled == "9 channels are not allowed; a rig has 8 lines for them, so let regions share a wave"
+    with pytest.raises(
+        ValueError, match=r"^drives: 4 channels are not allowed; the rig three has 3 lines for them: let"
+    ):
+        robot().table(rig=dataclasses.replace(FOUR, name="three", channels=FAST.channels[1:4], lines=THREE))
+    nine = dataclasses.replace(FAST, channels=FAST.channels[1:2] * 9, lines=OwnLines.within("abcdefghi", [(0, 9)] * 9))
+    assert many.table(rig=nine).channels == tuple("abcdefghi") and not many.rig_report(nine)[0].exceeded
+    why = "the rig dissertation has 8 lines for them: let regions share a wave, or give a rig of more"
+    assert many.untabled == f"9 channels are not allowed; {why}"
     assert robot((Drive("legs", (1,), amplitude=0.1),)).untabled == ""
 
 

@@ -1,0 +1,99 @@
+"""A rig of six valves, from its file to the table that it plays, and back into the simulator."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robots.hardware import PneumaticRig, read_channels
+from robots.inflatable import ROLLING
+from robots.lattice_robot import Drive, LatticeRobot, save_robot
+from taichi_sim.lattice import Material, body_from_array
+
+ROOT = Path(__file__).parents[3]
+NAMES = ("v1", "v2", "v3", "v4", "v5", "v6")
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """The rig of the docs, and a block whose two halves swell in turn."""
+    example = re.search(r'```toml\n(name = "six-valves"\n.*?)```', (ROOT / "docs/hardware.md").read_text(), re.DOTALL)
+    (tmp_path / "six-valves.toml").write_text(example[1])
+    array = np.ones((4, 2, 1), int)
+    halves = np.repeat([0, 0, 1, 1], 2).reshape(array.shape)
+    body = body_from_array(array, Material(5e4, 1e3, static_friction=1.0, kinetic_friction=0.5), 0.02, regions=halves)
+    drives = (Drive("back", (0,), amplitude=0.1), Drive("front", (1,), amplitude=0.15, phase=0.25))
+    save_robot(LatticeRobot(body, drives, cycles=1, settling=0.05), tmp_path / "block.json")
+    return tmp_path
+
+
+@pytest.mark.kernels
+def test_a_table_for_six_valves_is_written_and_moves_the_robot_as_designed(morpholab, folder):
+    files = "--csv a.csv --plain a.txt --c-header a.h --plot a.png"
+    code, out, error = morpholab(f"export block.json --rig six-valves.toml {files} --full-scale 0.8:1.2 --json")
+    assert (code, error) == (0, "") and json.loads(out)["clipped"] == []
+    table = read_channels("a.csv")
+    assert (table.rig, table.channels, table.units) == ("six-valves", NAMES, "kpa")
+    assert [wave.name for wave in table.waves] == ["back", "front"] and not table.pressures[:, 2:].any()
+    assert [table.pressures[:, line].max() for line in (0, 1)] == pytest.approx([30, 35])
+    assert np.loadtxt("a.txt", delimiter=",").shape[1] == 7 and "CHANNELS 6" in Path("a.h").read_text()
+    quick = "--threads 1 --quiet --json"
+    runs = [f"simulate --robot block.json {quick}{more}" for more in ("", " --channels a.csv")]
+    designed, played = (json.loads(morpholab(line)[1]) for line in runs)
+    assert played["distance"] == pytest.approx(designed["distance"], rel=1e-4) and designed["distance"] != 0
+    assert morpholab(f"view block.json --channels a.csv --frames 5 --out v.html {quick}")[0] == 0
+    code, out, _ = morpholab("play a.csv --rig six-valves.toml --to s.csv --format csv --no-wait --rate 200")
+    assert code == 0 and Path("s.csv").read_text().splitlines()[0].endswith(",v1,v2,v3,v4,v5,v6")
+
+
+def test_tables_for_six_valves_in_other_units_and_forms(morpholab, folder):
+    line = "export block.json --rig six-valves.toml --full-scale 0.8:1.2"
+    assert morpholab(f"{line} --csv psi.csv --units psi --rate 50")[0] == 0
+    assert "\ntime_s,section,state,v1_psi,v2_psi,v3_psi,v4_psi,v5_psi,v6_psi\n" in Path("psi.csv").read_text()
+    code, out, _ = morpholab(f"{line} --dry-run")
+    assert code == 0 and re.search(r" s  v\d +v1 v2\n", out) and "bladder" not in out
+    (folder / "slow.toml").write_text((folder / "six-valves.toml").read_text().replace("400.0", "4.0"))
+    code, _, error = morpholab(f"{line.replace('six-valves', 'slow')} --csv slow.csv")
+    assert code == 2 and re.search(r"error: v\d: \S+ kPa/s at .* is not allowed; the rig's limit is 4 kPa/s", error)
+    assert morpholab(f"{line.replace('six-valves', 'slow')} --csv slow.csv --on-violation clip")[0] == 0
+    slow = read_channels("slow.csv")
+    assert slow.clipped and slow.played_frequency < slow.rhythm.frequency and slow.channels == NAMES
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        (
+            "export rolling --rig six-valves.toml --csv a.csv",
+            "rig: six-valves has lines of its own, v1 and on; a gait of the inflatable robot needs core, bladders and "
+            "feet, so give a rig without lines =",
+        ),
+        ("simulate --table rolling.csv --rig six-valves.toml", "rig: six-valves has 6 lines, the table has 11"),
+        (
+            "export block.json --rig one.toml --csv a.csv",
+            "drives: 2 channels are not allowed; the rig one has 1 line for them: let regions share a wave, or give a "
+            "rig of more",
+        ),
+        (
+            "export block.json --rig bad.toml --csv a.csv",
+            "bad.toml: lines: 'v1' is not allowed twice",
+        ),
+    ],
+)
+def test_what_lines_cannot_play_is_refused_in_one_line(morpholab, folder, line, told):
+    (folder / "one.toml").write_text('lines = ["v1"]\n')
+    (folder / "bad.toml").write_text('lines = ["v1", "v1"]\n')
+    assert morpholab("export rolling --csv rolling.csv")[0] == 0
+    code, out, error = morpholab(line)
+    assert (code, out) == (2, "") and error.count("\n") == 1 and f": error: {told}" in error
+    assert not (folder / "a.csv").exists()
+
+
+def test_a_pipeline_refuses_a_rig_of_own_lines(folder):
+    from optim.pipeline.task import PipelineTask
+    from robots.world import Terrain
+
+    with pytest.raises(ValueError, match=r"^rig: six-valves has lines of its own, v1 and on"):
+        PipelineTask((Terrain(),), {"rolling": ROLLING}, rig=PneumaticRig.load(folder / "six-valves.toml"))
