@@ -285,6 +285,13 @@ def channel_report(waves: Sequence[Wave], rhythm: Rhythm, rig: PneumaticRig | No
     return RigReport(uses_of(line, rig), shaping, playing, states, min(lasting), max(lasting))
 
 
+def too_few_lines(channels: int, rig: PneumaticRig) -> str:
+    """What a rig lacks for so many channels; empty if it has lines for them, of bladders or those that it names."""
+    if channels <= (lines := len(rig.channel_lines)):
+        return ""
+    return f"the rig {rig.name} has {counted(lines, 'line')} for them: let regions share a wave, or give a rig of more"
+
+
 def read_channels(path: str | os.PathLike[str]) -> ChannelTable:
     """Read a ``ChannelTable`` that ``write_csv`` wrote; its waves are what the rows play.
 
@@ -327,13 +334,6 @@ def _wave(record: dict[str, Any], nodes: int) -> Wave:
 
 
 _CALIBRATION = ("low", "high", "low_kpa", "high_kpa")
-
-
-def too_few_lines(channels: int, rig: PneumaticRig) -> str:
-    """What a rig lacks for so many channels; empty if it has lines for them."""
-    if channels <= (lines := len(rig.channel_lines)):
-        return ""
-    return f"the rig {rig.name} has {counted(lines, 'line')} for them: let regions share a wave, or give a rig of more"
 
 
 def _without_waits(rig: PneumaticRig) -> PneumaticRig:

@@ -18,6 +18,7 @@ from taichi_sim.base.files import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.typing import ColorType
 
 _WIDTH, _ROW, _MARGINS = 9.0, 0.36, 1.0  # [inch]
 _LEFT, _END = 0.09, 0.87  # of the rows, as parts of the width
@@ -63,7 +64,7 @@ def gait_chart(table: RigTable) -> Figure:
     return figure
 
 
-def _colours(names: Sequence[str]) -> Sequence[str]:
+def _colours(names: Sequence[str]) -> "Sequence[ColorType]":
     """Colours of lines: those of the inflatable robot's parts, or of its bladders in turn for lines of other names."""
     if tuple(names[-ACTUATORS:]) == ACTUATOR_LINES:
         return (*(_CORE,) * (len(names) - ACTUATORS), *BLADDERS, *FEET)

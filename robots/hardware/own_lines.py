@@ -63,8 +63,8 @@ class OwnLines:
         """
         off = 0.0 if off_kpa is None else off_kpa
         on = [most if most > 0 else least for least, most in limits] if on_kpa is None else on_kpa
-        off, on = (side if isinstance(side, list | tuple) else (side,) * len(names) for side in (off, on))
-        return cls(tuple(names), off, on)
+        sides: list[Any] = [side if isinstance(side, list | tuple) else (side,) * len(names) for side in (off, on)]
+        return cls(tuple(names), *sides)
 
     @property
     def channel_lines(self) -> tuple[ChannelLine, ...]:
