@@ -159,6 +159,13 @@ def test_a_line_that_sucks_is_on_at_its_lowest_pressure(tmp_path):
     assert table.pressures.min() == -40 and table.timing[0].end_s == pytest.approx(2.0)
 
 
+def test_own_lines_whose_valves_put_them_out_of_phase_are_told(rig):
+    slow = (*rig.channels[:2], replace(rig.channels[2], valve_delay_s=0.2), *rig.channels[3:])
+    channel_table("robot", waves(rig, 2), RHYTHM, replace(rig, channels=slow))  # v3 stays vented
+    with pytest.warns(UserWarning, match=r"^rig: v3 answers 0.2 s later than v1, 0.1 cycles"):
+        channel_table("robot", waves(rig, 3), RHYTHM, replace(rig, channels=slow))
+
+
 def test_more_channels_than_lines_are_refused_with_both_numbers(rig):
     more = [*waves(rig, 6), waves(rig, 1)[0]]
     with pytest.raises(ValueError, match=r"^channels: 7 are not allowed; the rig six-valves has 6 lines for them: let"):
