@@ -93,11 +93,9 @@ def test_a_run_of_an_earlier_version_with_too_few_cells_is_still_read():
 def test_a_run_says_why_it_has_no_table_for_a_rig_and_how_to_get_one(morpholab, tmp_path):
     line = f"{SMALL} --method random --climbers 2 --generations 0 --full"
     code, out, error = morpholab(f"{line} --out a")
-    assert (code, error) == (0, "") and out.splitlines()[-2:] == [
-        "a: best.json",
-        "no gait.csv: 24 channels are not allowed; the rig dissertation has 8 lines for them: let regions share a "
-        "wave, or give a rig of more; search with --channels 8",
-    ]
+    why = "24 channels are not allowed; the rig dissertation has 8 lines for them: let regions share a wave, or give a"
+    assert (code, error) == (0, "")
+    assert f"\na: best.json\nno gait.csv: {why} rig of more; search with --channels 8\n" in out
     told = json.loads(morpholab("codesign --resume --out a --quiet --threads 1 --json")[1])["no_table"]
     assert told.endswith("; search with --channels 8")
     code, played, error = morpholab("simulate --gait a/best.json --out c --precision f32 --quiet")
