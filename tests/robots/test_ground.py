@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from optim.commands.far_ground import note_far_ground
+from optim.doubts import doubts_before
 from optim.problems.inflatable.problem import GaitProblem
 from robots.batches import batch_key
 from robots.course import Course
@@ -429,7 +429,7 @@ MUD = Cover(
 )
 
 
-def test_a_kind_of_ground_says_which_numbers_it_takes_and_where_it_begins(monkeypatch, capsys):
+def test_a_kind_of_ground_says_which_numbers_it_takes_and_where_it_begins(monkeypatch):
     """Whatever they are called: a radius of 0 is refused by name, and another start keeps what follows it."""
     monkeypatch.setitem(GROUNDS, "dunes", DUNES)
     for text, message in (
@@ -441,8 +441,8 @@ def test_a_kind_of_ground_says_which_numbers_it_takes_and_where_it_begins(monkey
     assert height("dunes:0.01", [0.2, 0.25, 0.5], 0.0) == pytest.approx([0.0, 0.005, 0.01])
     assert Ground("dunes:0.01").beginning_at(0.5) == "dunes:0.01,0.5,0.1"
     assert Ground("dunes:0.01,0.3,0.4+sand:1").beginning_at(0.5) == "dunes:0.01,0.5,0.4+sand:1"
-    note_far_ground(GaitProblem((Terrain.parse("dunes:0.01,2,0.4"),), geometry="small"))
-    assert re.search(r"; give its BEGIN, such as dunes:0\.01,0\.\d+,0\.4$", capsys.readouterr().err)
+    (far,) = doubts_before(GaitProblem((Terrain.parse("dunes:0.01,2,0.4"),), geometry="small"))
+    assert re.search(r"; give its BEGIN, such as dunes:0\.01,0\.\d+,0\.4$", far)
 
 
 def test_a_cover_says_what_it_does_to_robots(monkeypatch):
