@@ -4,7 +4,7 @@ Contacts, joints at their stops and motors at their limits act as they did in th
 motion has kinks and jumps, which derivatives do not see.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,6 +78,22 @@ class RigidGradient:
         mine = (self.parameters, self.points, self.places, self.position, self.portions, self.patches)
         found = [(x * slope).reshape(len(x), -1).sum(1) for x, slope in zip(mine, slopes, strict=True)]
         return np.asarray(sum(found), float)
+
+    def between_trees(self, lower: Sequence[Tree], upper: Sequence[Tree], moved: Floats) -> Floats:
+        """Change of the cost, to first order, from one tree to another of each robot, (B,).
+
+        Args:
+            lower: the trees of the B robots, near those that they had.
+            upper: as many others.
+            moved: how far the base starts from where it starts with the former, (B, 3) [m].
+        """
+        found = (self.position * moved).sum(1)
+        mine = (self.parameters, self.points, self.places, None, self.portions, self.patches)
+        for n, trees in enumerate(zip(lower, upper, strict=True)):
+            for slopes, low, high in zip(mine, *map(self._numbers, trees), strict=True):
+                if slopes is not None:
+                    found[n] += (slopes[n] * (high - low)).sum()
+        return np.asarray(found, float)
 
     def _numbers(self, tree: Tree) -> tuple[Floats, ...]:
         places = np.array([body.position for body, _ in tree.ordered], float)

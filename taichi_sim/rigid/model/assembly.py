@@ -129,6 +129,7 @@ class Part:
         lump: its mass.
         shapes: solids that may touch the ground, with centres in the world at rest.
         immersed: the same of solids that touch nothing but water.
+        origin: of its frame in the world at rest [m].
     """
 
     name: str
@@ -136,6 +137,7 @@ class Part:
     lump: Lump
     shapes: tuple[Solid, ...] = ()
     immersed: tuple[Solid, ...] = ()
+    origin: Floats = field(default_factory=lambda: np.zeros(3))
 
     def with_fixed(self, other: "Part") -> "Part":
         """It and another that is fixed to it, as one."""
@@ -148,7 +150,8 @@ class Part:
             [replace(solid, centre=np.asarray(solid.centre) - lump.centre) for solid in solids]
             for solids in (self.shapes, self.immersed)
         )
-        return Body(self.name, lump.centre, lump.mass, shapes, (lump.inertia + lump.inertia.T) / 2, immersed)
+        inertia, frame = (lump.inertia + lump.inertia.T) / 2, self.origin - lump.centre
+        return Body(self.name, lump.centre, lump.mass, shapes, inertia, immersed, frame)
 
 
 def solid_of(kind: str, name: str, size: Sequence[float]) -> Solid | Cylinder:

@@ -166,7 +166,7 @@ class _Reader:
         self.ignored |= notes(body)
         for site in body.iterfind("site"):
             self.sites[self.defaults.resolved(site, childclass).get("name", "")] = name
-        self.parts.append(Part(name, carried, lump, tuple(shapes), tuple(immersed)))
+        self.parts.append(Part(name, carried, lump, tuple(shapes), tuple(immersed), place.position))
         for child in body:
             if child.tag == "body":
                 self._read_body(child, name, place, childclass, still)

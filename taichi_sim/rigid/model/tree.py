@@ -12,7 +12,7 @@ import numpy as np
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, number, positive
-from taichi_sim.rigid.model.shapes import Patch, Portion, Solid, Vector, unit, vector
+from taichi_sim.rigid.model.shapes import ORIGIN, Patch, Portion, Solid, Vector, unit, vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +26,7 @@ class Body:
         shapes: solids it is made of; all of them collide with the ground.
         inertia: about the centre of mass, (3, 3) [kg m^2]; of its only solid, centred, if not given.
         immersed: further solids, on which water acts like on the others, but which touch nothing.
+        frame: origin of its own frame, from its centre of mass at rest [m]; bodies without a hinge are scaled about it.
 
     Raises:
         ValueError: for a value that is not allowed, or no inertia unless there is one solid, centred.
@@ -37,9 +38,11 @@ class Body:
     shapes: Sequence[Solid] = ()
     inertia: Floats | None = None
     immersed: Sequence[Solid] = ()
+    frame: Vector = ORIGIN
 
     def __post_init__(self) -> None:
         vector(f"position of {self.name}", self.position)
+        vector(f"frame of {self.name}", self.frame)
         if self.mass != 0 or self.inertia is None:
             positive(f"mass of {self.name}", self.mass)
         for name, solids in (("shapes", self.shapes), ("immersed", self.immersed)):

@@ -230,7 +230,7 @@ def _part(link: Element, joint: Joint | None, place: Frame, balanced: bool, stil
             )
         lump = Lump.of(weight, place.then(*_origin(inertial)), matrix)
     shapes = [_solid(each, link, place.then(*_origin(each))) for each in link.findall("collision")]
-    return Part(link.get("name", ""), joint, lump, tuple(shapes))
+    return Part(link.get("name", ""), joint, lump, tuple(shapes), origin=place.position)
 
 
 def _solid(collision: Element, link: Element, place: Frame) -> Solid:
