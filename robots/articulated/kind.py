@@ -29,6 +29,12 @@ def _reflexes(text: str) -> Any:
     return DriveReflexes.parse(text)
 
 
+def _body_size(text: str) -> Any:
+    from robots.articulated.sizes import size_of_text
+
+    return size_of_text(text)
+
+
 class ArticulatedKind(RobotKind):
     """The kind of articulated robots, which are made from MJCF and URDF files."""
 
@@ -66,16 +72,28 @@ class ArticulatedKind(RobotKind):
             "HZ",
         ),
         Option("time_step", "of the simulation, in seconds (default: the file's, or 0.002)", number(1e-6), "S"),
+        Option(
+            "body_sizes",
+            "size of bodies, in that of the file, by a name or a pattern of names: thigh*=0.5:2 is free between these, "
+            "torso=1.2 fixed, thigh* alone free from 0.5 to 2; repeatable (default: 1)",
+            checked(_body_size),
+            "NAME=LOW:HIGH",
+            several=True,
+        ),
         OWN_MEASURES_OPTION,
     )
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a file."""
         from robots.articulated.robot import load_robot
+        from robots.articulated.sizes import joined
 
         if source is None:
             raise ValueError("robot: an articulated robot is made of a file; give it, such as ant.xml or arm.urdf")
-        robot = load_robot(source, **options)
+        given = dict(options)
+        if isinstance(sizes := given.get("body_sizes"), list | tuple):
+            given["body_sizes"] = joined(sizes)
+        robot = load_robot(source, **given)
         if robot.light is not None and not robot.sees:  # policies of environments may, with robots that Python loads
             place = ",".join(f"{each:g}" for each in robot.light)
             why = "is not allowed, as nothing sees it; give reflexes with the sense light, or controller network"
@@ -106,7 +124,7 @@ class ArticulatedKind(RobotKind):
 
     def world(self, text: Any) -> World:
         """Ground by its name."""
-        from robots.articulated.simulation import GROUND, on_ground
+        from robots.articulated.worlds import GROUND, on_ground
 
         known = {GROUND.name: GROUND}
         return on_ground(known.get(text) or Terrain.parse(text) if isinstance(text, str) else text)

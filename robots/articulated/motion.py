@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from robots.articulated.simulation import relief_under
+from robots.articulated.worlds import relief_under
 from robots.outcome import World
 from robots.view.motion import Ground, Motion
 from robots.view.rigid_motion import LIGHT, SWITCH, VALUE, frame_channels, rigid_motion
@@ -50,7 +50,12 @@ def driven_motion(
 
 
 def motion_of(
-    robot: "ArticulatedRobot", frames: Frames | None, world: World, number: int = 0, name: str = ""
+    robot: "ArticulatedRobot",
+    frames: Frames | None,
+    world: World,
+    number: int = 0,
+    name: str = "",
+    tree: Tree | None = None,
 ) -> Motion:
     """The motion of a robot of a file on its ground, with its sensors, commands and light.
 
@@ -60,13 +65,14 @@ def motion_of(
         world: where it moved.
         number: of the robot in the batch.
         name: of the motion; that of the robot by default.
+        tree: of that robot; the robot's own by default.
 
     Raises:
         ValueError: for results without frames.
     """
     lights = [] if robot.light is None else [robot.light]
     sensors = [*(f"{body} on ground" for body in robot.senses.touch), *(["light"] if robot.light else [])]
-    tree, told = robot.model.tree, name or robot.name
+    tree, told = tree or robot.tree, name or robot.name
     motion = driven_motion(tree, frames, sensors, robot.drives, number, name=told, lights=lights)
     return on_its_ground(motion, robot, world)
 

@@ -8,7 +8,7 @@ import numpy as np
 from robots.own_measures import OwnMeasure, sealed
 from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base.arrays import Floats
-from taichi_sim.rigid import RigidResult, poses
+from taichi_sim.rigid import RigidResult, Tree, poses
 
 if TYPE_CHECKING:
     from robots.articulated.robot import ArticulatedRobot
@@ -49,9 +49,14 @@ class RigidMotion:
     heading: Floats
 
     @classmethod
-    def of(cls, robot: "ArticulatedRobot", position: Any, orientation: Any, angles: Any) -> "RigidMotion":
-        """Make final poses from the bases' places (B, 3) [m] and orientations (B, 4), and hinge angles (B, H) [rad]."""
-        tree = robot.model.tree
+    def of(
+        cls, robot: "ArticulatedRobot", position: Any, orientation: Any, angles: Any, tree: Tree | None = None
+    ) -> "RigidMotion":
+        """Make final poses from the bases' places (B, 3) [m] and orientations (B, 4), and hinge angles (B, H) [rad].
+
+        ``tree`` is that of the robots, by default the robot's own.
+        """
+        tree = robot.tree if tree is None else tree
         names = tuple(body.name for body, _ in tree.ordered), tuple(hinge.child for hinge in tree.hinges)
         places, turns = poses(tree, position, orientation, angles)
         start, still = np.array(tree.ordered[0][0].position, float), np.array([1.0, 0.0, 0.0, 0.0])
@@ -65,17 +70,19 @@ class RigidMotion:
         return (places * (self.masses / self.masses.sum())[:, None]).sum(axis=-2)
 
 
-def told(robot: "ArticulatedRobot", own: OwnMeasure, run: RigidResult) -> Floats:
+def told(robot: "ArticulatedRobot", own: OwnMeasure, run: RigidResult, tree: Tree | None = None) -> Floats:
     """A measure of a user's own of what robots came to, shape (B,); NaN of those that diverged."""
-    found = own.told(RigidMotion.of(robot, run.position, run.orientation, run.angles), len(run.status))
+    found = own.told(RigidMotion.of(robot, run.position, run.orientation, run.angles, tree), len(run.status))
     return np.where(run.status == "ok", found, np.nan)
 
 
-def slopes_of(robot: "ArticulatedRobot", own: OwnMeasure, run: RigidResult) -> dict[str, Floats]:
+def slopes_of(
+    robot: "ArticulatedRobot", own: OwnMeasure, run: RigidResult, tree: Tree | None = None
+) -> dict[str, Floats]:
     """Derivatives of a measure of a user's own by places and orientations of bases and by angles, as a tape takes."""
 
     def measured(*ended: Any) -> Any:
-        return own.told(RigidMotion.of(robot, *ended), len(run.status))
+        return own.told(RigidMotion.of(robot, *ended, tree), len(run.status))
 
     _, pull = trace(measured, *(np.nan_to_num(getattr(run, name)) for name in ENDED))
     return dict(zip(ENDED, pull((run.status == "ok").astype(float)), strict=True))

@@ -3,7 +3,7 @@
 import math
 import warnings
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -12,18 +12,14 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robots.articulated.records import FORMER_SLIP, USUAL_RATE, record_of, updated
 from robots.articulated.reflexes import PARTS, DriveReflexes, network_of
 from robots.articulated.senses import checked_place
-from robots.articulated.simulation import (
-    GROUND,
-    check_gradients,
-    felt_over_time,
-    ground_place,
-    sensed_of,
-    try_points,
-)
+from robots.articulated.simulation import felt_over_time, sensed_of, try_points
+from robots.articulated.sizes import Size, Sizes, checked_sizes
+from robots.articulated.worlds import GROUND, check_gradients, ground_place
 from robots.outcome import recorded
-from robots.own_measures import OwnMeasure, checked_own_measures, records_of
+from robots.own_measures import OwnMeasure, checked_own_measures
 from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World
 from robots.world import Terrain
 from taichi_sim import rigid
@@ -31,9 +27,8 @@ from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import read_text
-from taichi_sim.base.plain_xml import parse_xml
 from taichi_sim.base.short_text import counted
-from taichi_sim.rigid import Network, Senses
+from taichi_sim.rigid import Network, Senses, Tree
 from taichi_sim.rigid.model.assembly import Model, check_start
 from taichi_sim.rigid.model.files import parse_model, read_model
 
@@ -47,8 +42,6 @@ MEASURES = (
     Measure("speed", "m/s", "speed along its heading"),
     Measure("distance", "m", "distance along its heading"),
 )
-USUAL_RATE = 50.0  # of commands [Hz]
-FORMER_SLIP = 0.01  # m/(N s), of earlier versions, whose records do not tell it
 READING = ("angles", "fixed", "speed", "fastest", "time_step")  # settings that say how the file is read
 OF_RHYTHMS = ("slowest", "quickest", "command_rate")  # settings of which a network has no use
 STEADY = 16  # commands of a cycle at least, with which coupled oscillators are stable
@@ -86,6 +79,8 @@ class ArticulatedRobot(Robot):
         reflexes: what it feels, and how that changes its rhythm; None for a robot that feels nothing.
         seed: of the noise of its senses.
         own_measures: of the user, see ``robots.own_measures``; installed ones may be given by name.
+        body_sizes: sizes of bodies, by their names or patterns of these such as ``thigh*``: a factor, or one that is
+            ``Free``, for all that match; see ``taichi_sim.rigid.model.scaling``.
         model: what the file describes; made of the text.
 
     Raises:
@@ -111,6 +106,7 @@ class ArticulatedRobot(Robot):
     slip: float | None = None
     seed: int = 0
     own_measures: tuple[OwnMeasure, ...] = ()
+    body_sizes: Mapping[str, Size] = field(default_factory=dict)
     model: Model = field(init=False, repr=False)
 
     kind = "articulated"
@@ -140,6 +136,8 @@ class ArticulatedRobot(Robot):
             object.__setattr__(self, "light", checked_place("light", self.light))
         model = parse_model(self.text, **{name: getattr(self, name) for name in READING})
         object.__setattr__(self, "model", model)
+        object.__setattr__(self, "body_sizes", checked_sizes(self.body_sizes))
+        _ = self.sizes  # which finds their bodies
         self._check_command_rate()
         if not self.drives:
             raise ValueError("model: no hinge of it has a drive; give actuators (MJCF) or limits with effort (URDF)")
@@ -176,6 +174,21 @@ class ArticulatedRobot(Robot):
     def weights_fixed(self) -> bool:
         """Whether the weights of the reflexes, if there are any, are fixed, not free."""
         return self.reflexes is None or self.reflexes.weights is not None
+
+    @cached_property
+    def sizes(self) -> Sizes:
+        """Sizes of the bodies; free ones follow all other parameters."""
+        return Sizes.of(self.model.tree, self.body_sizes)
+
+    @cached_property
+    def tree(self) -> Tree:
+        """The robot itself, with free sizes as they start; ``model.tree`` is that of the file."""
+        return self.sizes.tree_of(self.sizes.start)
+
+    def split(self, points: Floats) -> tuple[Floats, Floats]:
+        """Split points, (N, P), into what commands the drives, and the K free sizes."""
+        count = points.shape[-1] - len(self.sizes.free)
+        return points[..., :count], points[..., count:]
 
     @property
     def drives(self) -> tuple[str, ...]:
@@ -223,11 +236,11 @@ class ArticulatedRobot(Robot):
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Free parameters: the frequency of a rhythm and three numbers of each drive, or the weights of a network."""
+        """Free parameters: frequency and three numbers of each drive of a rhythm, or weights of a network; then sizes."""
         if self.controller == "network":
             sensors = [*(f"touch {name}" for name in self.senses.touch), *(["light"] if self.light else [])]
             names = [f"{sensor} to {drive}" for sensor in sensors for drive in self.drives]
-            return tuple(Parameter(name, -1.0, 1.0, step=0.05) for name in names)
+            return *(Parameter(name, -1.0, 1.0, step=0.05) for name in names), *self.sizes.parameters
         ranges = {"amplitude": (0.0, 1.0), "phase": (0.0, 1.0), "offset": (-1.0, 1.0)}
         span = self.quickest - self.slowest
         found = [Parameter("frequency", self.slowest, self.quickest, step=0.1 * span, unit="Hz")]
@@ -238,7 +251,7 @@ class ArticulatedRobot(Robot):
         if self.reflexes is not None and not self.weights_fixed:
             most, count = self.reflexes.limit, network_of(self.reflexes, sensed_of(self)).weight_count
             found += [Parameter(f"reflex_{n + 1}", -most, most, step=0.1 * most, start=0.0) for n in range(count)]
-        return tuple(found)
+        return *found, *self.sizes.parameters
 
     @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
@@ -251,21 +264,7 @@ class ArticulatedRobot(Robot):
 
     def describe(self) -> dict[str, Any]:
         """Describe the robot as JSON values, from which :func:`robot_of_record` rebuilds it."""
-        found = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
-        light = None if self.light is None else list(self.light)
-        friction = "inf" if self.friction == math.inf else self.friction
-        reflexes = None if self.reflexes is None else asdict(self.reflexes)
-        found |= {"light": light, "friction": friction, "angles": dict(self.angles), "reflexes": reflexes}
-        if self.reflexes is None:  # a record is as before there were any
-            del found["reflexes"]
-        found["own_measures"] = records_of(self.own_measures)
-        if not self.own_measures:  # as before there were any
-            del found["own_measures"]
-        if self.seed == 0:  # as before there was any
-            del found["seed"]
-        if self.slip == FORMER_SLIP:  # as a record of those versions is
-            del found["slip"]
-        return found
+        return record_of(self)
 
     @property
     def uncertain_in(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -315,25 +314,31 @@ class ArticulatedRobot(Robot):
         from robots.articulated.motion import motion_of
 
         (run,) = outcome.result.runs
-        return motion_of(self, run.frames, world, name=name)
+        return motion_of(self, run.frames, world, name=name, tree=outcome.result.trees[0])
 
     def facts(self) -> Facts:
         """Rows for a report: body, drives and trial."""
-        tree, masses, physics = self.model.tree, self.model.tree.masses, self.physics
+        tree, masses, physics = self.tree, self.tree.masses, self.physics
         slip = "" if physics.slip is None else f", points that hold slip at {physics.slip:g} m/s for each newton"
         return [
             ("Robot", f"{self.name}: {(masses > 0).sum()} bodies on {len(tree.hinges)} hinges, {masses.sum():.3g} kg"),
             ("Driven", f"{', '.join(self.drives)}, by a {self.controller}"),
             *([("Reflexes", self.reflexes.spoken)] if self.reflexes else []),
+            *([("Bodies", self.sizes.spoken)] if self.body_sizes else []),
             ("Trial", f"{self.duration:g} s; distance along {self.heading:g}°"),
             ("Time step", f"{1e3 * physics.time_step:g} ms"),
             ("Floor", f"friction {physics.friction:g}{slip}"),
         ]
 
+    def facts_of(self, point: ArrayLike) -> Facts:
+        """What a design with free sizes weighs."""
+        _, (sizes,) = self.split(self.points(point))
+        return [("Mass", f"{self.sizes.tree_of(sizes).masses.sum():.3g} kg")] if len(sizes) else []
+
     @property
     def footprint(self) -> tuple[float, float]:
         """Positions along the heading of the rear and front of what may touch the ground, from its origin [m]."""
-        centres, radii = self.model.tree.balls()
+        centres, radii = self.tree.balls()
         along = (centres - ground_place(self)) @ self.direction
         return float((along - radii).min()), float((along + radii).max())
 
@@ -354,26 +359,8 @@ def robot_of_record(record: Mapping[str, Any]) -> ArticulatedRobot:
     reflexes = None if felt is None else checks.built(DriveReflexes, felt)
     with warnings.catch_warnings():  # what of the file is ignored was told when it was first read
         warnings.simplefilter("ignore")
-        given = {"slip": FORMER_SLIP, **_updated(record), "friction": friction, "reflexes": reflexes}
+        given = {"slip": FORMER_SLIP, **updated(record), "friction": friction, "reflexes": reflexes}
         return checks.built(ArticulatedRobot, given)
-
-
-def _updated(record: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A record with what today's fields mean, if it is of a version that had no time step among them.
-
-    Raises:
-        ValueError: for a URDF robot of such a version, which moved otherwise: it began elsewhere, without limits of
-            velocity.
-    """
-    if "time_step" in record:
-        return record
-    if parse_xml(str(record.get("text"))).tag == "robot":
-        raise ValueError(
-            "robot: it is of a URDF file and of an earlier version, in which such robots moved otherwise; begin anew "
-            "with the file"
-        )
-    usual = record.get("command_rate") == USUAL_RATE  # which was lowered to once a time step
-    return {**record, "fixed": False, **({"command_rate": None} if usual else {})}
 
 
 def load_robot(path: str | PathLike[str], **settings: Any) -> ArticulatedRobot:

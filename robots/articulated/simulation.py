@@ -1,20 +1,22 @@
 """Articulated robots at work: how far they come, and the derivatives of that by what is free."""
 
-import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from robots.articulated.centres import centres as centres
+from robots.articulated.centres import first_centre as first_centre
 from robots.articulated.reflexes import PARTS, ReflexLoop, Rhythms
 from robots.articulated.rigid_motion import ENDED, slopes_of, told
 from robots.articulated.senses import Sensed
-from robots.robot import Place, Progress, Trial, World
-from robots.terrain_fields import not_taken
-from robots.world import FLUID_FIELDS, Terrain, terrain_of
-from taichi_sim import rigid
+from robots.articulated.worlds import GROUND as GROUND
+from robots.articulated.worlds import check_gradients, length_of, physics_in, relief_under
+from robots.robot import Progress, Trial, World
+from robots.world import Terrain
 from taichi_sim.base.arrays import Floats, Ints, along
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.base.short_text import ShortText
@@ -25,10 +27,6 @@ if TYPE_CHECKING:
     from robots.articulated.robot import ArticulatedRobot
     from taichi_sim.ground import Relief
 
-GROUND = Place("ground")
-TERRAIN_FIELDS = ("slope", "ground", *FLUID_FIELDS)  # which articulated robots take
-DEEP = 1e5  # m: how far a fluid all around reaches up, and down to the ground
-FINENESS = 50  # nodes of uneven ground along a robot
 TAPE_BYTES = 2**29  # of the states of robots that are differentiated at once
 ROBOTS_AT_ONCE = 1024  # between two calls of progress
 
@@ -45,6 +43,7 @@ class ArticulatedResult(ShortText):
         runs: everything about the rollouts, with frames if asked for; several where N is large.
         own: users' own measures by name, (N,) each; NaN of those that diverged.
         gradients: derivatives of the distance and of own measures by the parameters, (N, P), where asked for.
+        trees: of the robots, N where sizes of bodies are free, else one for all.
     """
 
     distance: Floats
@@ -54,6 +53,7 @@ class ArticulatedResult(ShortText):
     runs: tuple[RigidResult, ...]
     own: Mapping[str, Floats] = field(default_factory=dict)
     gradients: Mapping[str, Floats] = field(default_factory=dict)
+    trees: tuple[Tree, ...] = ()
 
     @property
     def gradient(self) -> Floats | None:
@@ -107,144 +107,147 @@ def differentiate(
 
 def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> ArticulatedResult:
     """What a robot does at N points, shape (N, P), in a trial."""
-    points, tree = robot.points(points), robot.model.tree
+    points, tree = robot.points(points), robot.tree
     if trial.gradients:
         check_gradients(robot, trial.world)
-    engine, start = engine_in(robot, trial.world, trial.compute)
     state = 7 + 12 * len(tree.bodies) + tree.motors + 2 * len(tree.points())  # numbers that a tape keeps of a step
     at_once = max(1, TAPE_BYTES // (8 * state * (robot.steps + 1))) if trial.gradients else ROBOTS_AT_ONCE
     wanted = dict.fromkeys("distance" if name == "speed" else name for name in trial.gradients)
-    runs, slopes = [], {name: list[Floats]() for name in wanted}
-    for first in range(0, len(points), at_once):
-        some = points[first : first + at_once]
-        loop = _loop(robot, some, engine.rest() if start is None else start)
-        driven = {**_driven(robot, some), "start": start, "feedback": loop}
+    runs, trees, slopes = [], list[Tree](), {name: list[Floats]() for name in wanted}
+    done = 0
+    for some in _groups(robot, points, trial.world, trial.compute, at_once):
+        loop = _loop(robot, some.controls, some.begin)
+        driven = {**_driven(robot, some.controls), "start": some.start, "feedback": loop}
+        trees += some.trees
         if trial.gradients:
-            tape = engine.record(robot.steps, **driven)
+            tape = some.engine.record(robot.steps, **driven)
             runs.append(tape.result)
             for name, found in slopes.items():
-                back = tape.pull_back(**_end_slopes(robot, name, tape.result))
-                given = back.weights if robot.controller == "network" else _slopes(robot, some, back.commands, loop)
-                found.append(given.reshape(len(some), -1))
+                back = tape.pull_back(**_end_slopes(robot, name, tape.result, some.trees))
+                of_commands = back.commands
+                given = (
+                    back.weights if robot.controller == "network" else _slopes(robot, some.controls, of_commands, loop)
+                )
+                put = None if loop is None else loop.reader.by_first
+                judge = partial(_told, robot, name, run=tape.result)
+                by_sizes = robot.sizes.slopes(some.sizes, back, judge, put, some.relief)
+                found.append(np.column_stack([given.reshape(len(some.controls), -1), by_sizes]))
         else:
-            runs.append(engine.run(robot.steps, **driven, record_every=trial.record_every))
+            runs.append(some.engine.run(robot.steps, **driven, record_every=trial.record_every))
+        done += len(some.controls)
         if trial.progress:
-            trial.progress((first + len(some)) / len(points))
-    return _result(robot, runs, {name: np.concatenate(found) for name, found in slopes.items()})
+            trial.progress(done / len(points))
+    return _result(robot, runs, trees, {name: np.concatenate(found) for name, found in slopes.items()})
 
 
-def _end_slopes(robot: "ArticulatedRobot", name: str, result: RigidResult) -> dict[str, Floats]:
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Robots that run together.
+
+    Attributes:
+        controls: values of the parameters but for sizes, (B, P - K).
+        sizes: free sizes of bodies, (B, K).
+        trees: of the robots, one for all where no size is free.
+        engine: that moves them.
+        start: their state at the start; None as their trees have it.
+        relief: uneven ground, which they then stand on.
+    """
+
+    controls: Floats
+    sizes: Floats
+    trees: list[Tree]
+    engine: RigidEngine
+    start: State | None
+    relief: "Relief | None"
+
+    @property
+    def begin(self) -> State:
+        """Their state at the start."""
+        return self.engine.rest() if self.start is None else self.start
+
+
+def _groups(
+    robot: "ArticulatedRobot", points: Floats, world: World, compute: Compute, at_once: int
+) -> Iterator[_Group]:
+    """The robots of points, (N, P), a number of them at once."""
+    controls, sizes = robot.split(points)
+    engine: tuple[RigidEngine, State | None] | None = None
+    for first in range(0, len(points), at_once):
+        part = slice(first, first + at_once)
+        trees = [robot.sizes.tree_of(each) for each in sizes[part]] if robot.sizes.free else [robot.tree]
+        if engine is None or robot.sizes.free:
+            engine = engine_in(robot, world, compute, trees)
+        yield _Group(
+            controls[part], sizes[part], trees, *engine, None if engine[1] is None else relief_under(robot, world)
+        )
+
+
+def _each_tree(trees: Sequence[Tree], run: RigidResult) -> list[tuple[Tree, RigidResult]]:
+    """Each tree with the end of the robots that have it."""
+    if len(trees) == 1:
+        return [(trees[0], run)]
+    names = (*ENDED, "status")
+    rows = ({name: getattr(run, name)[n : n + 1] for name in names} for n in range(len(trees)))
+    return [(tree, replace(run, **row)) for tree, row in zip(trees, rows, strict=True)]
+
+
+def _told(robot: "ArticulatedRobot", name: str, trees: Sequence[Tree], run: RigidResult) -> Floats:
+    """The distance, or a user's own measure, of what robots with some trees came to, (B,)."""
+    own = next((each for each in robot.own_measures if each.name == name), None)
+    if own is not None:
+        return np.concatenate([told(robot, own, end, tree) for tree, end in _each_tree(trees, run)])
+    ways = [_centre(tree, end) - first_centre(tree) for tree, end in _each_tree(trees, run)]
+    return along(np.concatenate(ways), robot.direction)
+
+
+def _centre(tree: Tree, run: RigidResult) -> Floats:
+    return centres(tree, run.position, run.orientation, run.angles)
+
+
+def _end_slopes(robot: "ArticulatedRobot", name: str, result: RigidResult, trees: Sequence[Tree]) -> dict[str, Floats]:
     """Derivatives of a measure by places, orientations and angles at the end."""
-    for own in robot.own_measures:
-        if own.name == name:
-            return slopes_of(robot, own, result)
-    return dict(zip(ENDED, centre_slopes(robot.model.tree, result, robot.direction), strict=True))
+    found = []
+    own = next((each for each in robot.own_measures if each.name == name), None)
+    for tree, end in _each_tree(trees, result):
+        if own is not None:
+            found.append(slopes_of(robot, own, end, tree))
+        else:
+            found.append(dict(zip(ENDED, centre_slopes(tree, end, robot.direction), strict=True)))
+    return {each: np.concatenate([one[each] for one in found]) for each in ENDED}
 
 
 def felt_over_time(robot: "ArticulatedRobot", points: Floats, world: World, compute: Compute) -> Floats:
     """What robots with reflexes feel at N points, (N, P), at every decision, (N, S, T); NaN of those that diverge."""
-    engine, start = engine_in(robot, world, compute)
     found = []
-    for first in range(0, len(points), ROBOTS_AT_ONCE):
-        some = points[first : first + ROBOTS_AT_ONCE]
-        loop = _loop(robot, some, engine.rest() if start is None else start)
+    for some in _groups(robot, points, world, compute, ROBOTS_AT_ONCE):
+        loop = _loop(robot, some.controls, some.begin)
         assert loop is not None
-        result = engine.run(robot.steps, **_driven(robot, some), start=start, feedback=loop)
+        driven = _driven(robot, some.controls)
+        result = some.engine.run(robot.steps, **driven, start=some.start, feedback=loop)
         felt = np.stack(loop.readings, axis=2)
         felt[result.status != "ok"] = np.nan
         found.append(felt)
     return np.concatenate(found)
 
 
-def check_gradients(robot: "ArticulatedRobot", world: World) -> None:
-    """Refuse a world in which a cone limits the friction of a robot, which has no derivatives then."""
-    friction = physics_in(robot, world).friction
-    if np.isfinite(friction):
-        told = "give inf, as --friction inf, which has no limit beyond which feet slip"
-        raise ValueError(f"friction: {friction:g} has no derivatives; {told}")
+def engine_in(
+    robot: "ArticulatedRobot", world: World, compute: Compute, trees: Sequence[Tree] | None = None
+) -> tuple[RigidEngine, State | None]:
+    """The engine that moves a robot in a world, and its state at the start; None as its file has it.
 
-
-def engine_in(robot: "ArticulatedRobot", world: World, compute: Compute) -> tuple[RigidEngine, State | None]:
-    """The engine that moves a robot in a world, and its state at the start; None as its file has it."""
+    ``trees`` are those of several robots, by default the robot's own.
+    """
     relief, physics = relief_under(robot, world), physics_in(robot, world)
-    engine = RigidEngine(robot.model.tree, physics, robot.senses, robot.network, ground=relief, **compute.options)
+    own = [robot.tree] if trees is None else trees
+    engine = RigidEngine(own, physics, robot.senses, robot.network, ground=relief, **compute.options)
     afloat = isinstance(world, Terrain) and world.is_fluid
     return engine, None if relief is None or afloat else engine.standing()
-
-
-def on_ground(world: World) -> World:
-    """A world that robots of this kind can be in: level, tilted or uneven ground, maybe with sand or water, or a fluid.
-
-    Raises:
-        ValueError: for worlds of other kinds, and terrains that are more than ground.
-    """
-    if world in (GROUND, Terrain()):
-        return GROUND
-    terrain = terrain_of(world)
-    if not_taken(terrain, TERRAIN_FIELDS):
-        raise ValueError(
-            f"terrain: {terrain.where!r} is not allowed for an articulated robot; give a slope, uneven ground or "
-            "water, such as hill:5, rough:0.01+sand:2e5 or ramp:-5+water:0, and friction by the robot"
-        )
-    return terrain
-
-
-def tilted(robot: "ArticulatedRobot", world: World) -> rigid.World:
-    """The physics of a robot on ground that rises along its heading; the robot is turned with it."""
-    slope = world.slope if isinstance(world, Terrain) else 0.0
-    if slope == 0:
-        return robot.physics
-    angle, down = math.radians(slope), robot.physics.gravity
-    x, y, _ = down * math.sin(angle) * robot.direction
-    return replace(robot.physics, gravity=down * math.cos(angle), gravity_across=(float(x), float(y)))
-
-
-def physics_in(robot: "ArticulatedRobot", world: World) -> rigid.World:
-    """The physics of a robot in a world: in a fluid it neither sinks nor rises, and feels its drag."""
-    physics = tilted(robot, world)
-    if not isinstance(world, Terrain) or not world.is_wet:
-        return physics
-    pressure, friction = world.drag
-    gravity = 0.0 if world.is_fluid else physics.gravity
-    return replace(physics, gravity=gravity, pressure_drag=pressure, friction_drag=friction)
-
-
-def relief_under(robot: "ArticulatedRobot", world: World) -> "Relief | None":
-    """The uneven ground around a robot, whose x axis is its heading, with its water; None for the level floor."""
-    from taichi_sim.ground.relief import Relief, Water
-
-    terrain = on_ground(world)
-    if not isinstance(terrain, Terrain):
-        return None
-    if terrain.fluid_density is not None:
-        around = Water(DEEP, terrain.fluid_density) if terrain.fluid_density else None
-        return Relief(np.full((2, 2), -DEEP), 1.0, water=around)
-    if terrain.uneven is None:
-        return None
-    relief, (x, y, _) = terrain.uneven.relief(robot.heading, 2 * _length(robot) / FINENESS), ground_place(robot)
-    return replace(relief, origin=(relief.origin[0] + x, relief.origin[1] + y)) if x or y else relief
-
-
-def ground_place(robot: "ArticulatedRobot") -> Floats:
-    """Where uneven ground has its origin, (3,) [m]: the whole metre next to the start of a robot.
-
-    Ground is made around its origin, so a robot that its file puts elsewhere would find it level.
-    """
-    x, y, _ = first_centre(robot.model.tree)[0]
-    return np.round([x, y, 0.0])
-
-
-def _length(robot: "ArticulatedRobot") -> float:
-    """The longest side of the space that a robot takes [m]."""
-    centres, radii = robot.model.tree.balls()
-    reach = radii[:, None]
-    return float(((centres + reach).max(axis=0) - (centres - reach).min(axis=0)).max())
 
 
 def sensed_of(robot: "ArticulatedRobot") -> Sensed:
     """What the senses of a robot may read."""
     touch, hinges = len(robot.senses.touch), len(robot.model.tree.hinges)
-    return Sensed(touch, hinges, robot.light is not None, len(robot.drives), _length(robot))
+    return Sensed(touch, hinges, robot.light is not None, len(robot.drives), length_of(robot))
 
 
 def _loop(robot: "ArticulatedRobot", points: Floats, start: State) -> ReflexLoop | None:
@@ -252,7 +255,7 @@ def _loop(robot: "ArticulatedRobot", points: Floats, start: State) -> ReflexLoop
     if robot.reflexes is None:
         return None
     split, span = robot.rhythm_size, robot.hold * robot.physics.time_step
-    weights = points[:, split:]
+    weights = points[:, split:]  # none of them is a size
     if robot.reflexes.weights is not None:
         weights = np.tile(robot.reflexes.weights, (len(points), 1))
     rhythms = Rhythms(points[:, :split], rhythm(robot, points), span)
@@ -306,12 +309,6 @@ def _parts(robot: "ArticulatedRobot", points: Floats) -> tuple[Floats, Floats, F
     return amplitude, offset, turns, times
 
 
-def centres(tree: Tree, position: Floats, orientation: Floats, angles: Floats) -> Floats:
-    """Centres of mass, (..., 3) [m], at poses as of ``taichi_sim.rigid.poses``."""
-    masses = tree.masses
-    return np.asarray(masses @ poses(tree, position, orientation, angles)[0] / masses.sum())
-
-
 def centre_slopes(tree: Tree, result: RigidResult, direction: Floats) -> tuple[Floats, Floats, Floats]:
     """Derivatives of the centre of mass along a direction by the base's place, its orientation and the angles."""
     places, turns = poses(tree, result.position, result.orientation, result.angles)
@@ -338,16 +335,20 @@ def centre_slopes(tree: Tree, result: RigidResult, direction: Floats) -> tuple[F
     return np.tile(direction, (len(places), 1)), of_orientation, of_angles
 
 
-def first_centre(tree: Tree) -> Floats:
-    """Centre of mass of a robot as its file has it, from where distances count, (1, 3) [m]."""
-    begin, still = np.array([tree.ordered[0][0].position], float), np.array([[1.0, 0.0, 0.0, 0.0]])
-    return centres(tree, begin, still, np.zeros((1, len(tree.hinges))))
-
-
-def _result(robot: "ArticulatedRobot", runs: list[RigidResult], gradients: Mapping[str, Floats]) -> ArticulatedResult:
-    tree = robot.model.tree
-    start = first_centre(tree)
-    centre = np.concatenate([centres(tree, run.position, run.orientation, run.angles) for run in runs])
+def _result(
+    robot: "ArticulatedRobot", runs: list[RigidResult], trees: list[Tree], gradients: Mapping[str, Floats]
+) -> ArticulatedResult:
+    several, ends, first = bool(robot.sizes.free), [], 0
+    for run in runs:
+        count = len(run.status)
+        ends.append((trees[first : first + count] if several else trees[:1], run))
+        first += count
+    centre = np.concatenate([_centre(*each) for end in ends for each in _each_tree(*end)])
     status, steps = (np.concatenate([getattr(run, name) for run in runs]) for name in ("status", "steps"))
-    own = {each.name: np.concatenate([told(robot, each, run) for run in runs]) for each in robot.own_measures}
-    return ArticulatedResult(along(centre - start, robot.direction), centre, status, steps, tuple(runs), own, gradients)
+    measures = {
+        name: np.concatenate([_told(robot, name, *end) for end in ends])
+        for name in ("distance", *(own.name for own in robot.own_measures))
+    }
+    distance = measures.pop("distance")
+    kept = tuple(trees if several else trees[:1])
+    return ArticulatedResult(distance, centre, status, steps, tuple(runs), measures, gradients, kept)

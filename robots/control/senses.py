@@ -109,6 +109,12 @@ class SenseReader:
         found[self.place] = found[self.place] + by_now
         return found
 
+    @property
+    def by_first(self) -> Floats:
+        """Derivatives by where robots were put, once all readings were taken back, in the shape of their places."""
+        before, earlier = self._owed
+        return before + earlier
+
     def _begin(self) -> None:
         self._before, self._earlier, self.moved = self.first, self.first, np.zeros(self.first.shape)
         self._kept = {}

@@ -1,6 +1,7 @@
 """Articulated robots as Gymnasium environments, one or a batch: an action is a command to each drive."""
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -11,7 +12,8 @@ from robots.articulated.reflexes import changed_command
 from robots.articulated.rigid_motion import told
 from robots.articulated.robot import ArticulatedRobot
 from robots.articulated.senses import SENSES, DriveReader
-from robots.articulated.simulation import centres, engine_in, first_centre, on_ground, rhythm, sensed_of
+from robots.articulated.simulation import centres, engine_in, first_centre, rhythm, sensed_of
+from robots.articulated.worlds import on_ground
 from robots.control.reflexes import senses_among
 from robots.control.senses import width_of
 from robots.gym.batch import Batch, Gain, Observation, checked_gain, gained_by
@@ -35,7 +37,7 @@ Given = ArticulatedRobot | FixedRobot | str | Path
 
 
 def robot_of(given: Given | None) -> tuple[ArticulatedRobot, Floats]:
-    """The robot that is given, or that a file means, and the point of its rhythm, shape (P,).
+    """The robot that is given, or that a file means, without free sizes of bodies, and the point of its rhythm, (P,).
 
     Raises:
         ValueError: for anything else, and robots of other kinds.
@@ -44,7 +46,11 @@ def robot_of(given: Given | None) -> tuple[ArticulatedRobot, Floats]:
     robot, point = (found.robot, found.point) if isinstance(found, FixedRobot) else (found, None)
     if not isinstance(robot, ArticulatedRobot):
         raise ValueError(f"robot: {shown(given)} is no articulated robot; give one, or its file, such as ant.xml")
-    return robot, robot.start if point is None else point
+    controls, sizes = robot.split(robot.start if point is None else point)
+    if len(sizes):
+        with warnings.catch_warnings(action="ignore"):  # what of the file is ignored was told before
+            robot = replace(robot, body_sizes=robot.sizes.settled(sizes))
+    return robot, controls
 
 
 def _ground(given: Terrain | str) -> World:
@@ -97,7 +103,7 @@ class Driven(Batch):
         acted = gymnasium.spaces.Box(-1.0, 1.0, (self._sensed.drives,), np.float64)
         super().__init__(count, observed, acted, self._robot.hold * self._robot.physics.time_step)
         self._commands_in_all = -(-self._robot.steps // self._robot.hold)
-        self._first_centre = first_centre(self._robot.model.tree)
+        self._first_centre = first_centre(self._robot.tree)
         self._points = np.tile(point, (count, 1))[:, : self._robot.rhythm_size]
 
     def _check(self, robot: ArticulatedRobot, point: Floats) -> None:
@@ -159,7 +165,7 @@ class Driven(Batch):
         """What robots feel as they now are, and how far they came; those whose episodes are over stay as they were."""
         now = found.position, found.orientation, found.angles, found.readings
         goes_on = (found.status == "ok") & ~self._over
-        distance = along(centres(self._robot.model.tree, *now[:3]) - self._first_centre, self._robot.direction)
+        distance = along(centres(self._robot.tree, *now[:3]) - self._first_centre, self._robot.direction)
         seen = self._seen if self._done else now
         self._seen: tuple[Floats, ...] = tuple(
             np.where(goes_on[:, None], each, before) for each, before in zip(now, seen, strict=True)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.articulated.simulation import on_ground
+from robots.articulated.worlds import on_ground
 from robots.inflatable.actuation import InflatableActuation
 from robots.lattice_robot.ground import WITHOUT_PROPS, material_friction
 from robots.lattice_robot.walker import check_terrain

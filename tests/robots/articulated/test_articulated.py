@@ -14,7 +14,8 @@ from optim.named import robot as robot_named
 from robots.articulated import ArticulatedRobot, differentiate, load_robot, simulate
 from robots.articulated.reflexes import DriveReflexes
 from robots.articulated.robot import robot_of_record
-from robots.articulated.simulation import GROUND, centre_slopes, centres, ground_place, relief_under, rhythm
+from robots.articulated.simulation import centre_slopes, centres, rhythm
+from robots.articulated.worlds import GROUND, ground_place, relief_under
 from robots.own_measures import OwnMeasure
 from robots.robot import KINDS, Place, Trial, find_robot, load_design, make_robot
 from robots.uncertainty import HELD_OUT, Risk, Uncertainty, judge_uncertain

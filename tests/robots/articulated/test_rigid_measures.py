@@ -10,7 +10,7 @@ from morpholab import OwnMeasure
 from optim.problems.robot import RobotProblem
 from robots.articulated import ArticulatedRobot
 from robots.articulated.robot import robot_of_record
-from robots.articulated.simulation import GROUND
+from robots.articulated.worlds import GROUND
 from robots.robot import load_design
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
