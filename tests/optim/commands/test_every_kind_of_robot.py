@@ -18,6 +18,14 @@ KINDS = {
     "quadruped": ("legged", "--looks 12 --limb-length 0.5", "--environment 2", "light", "1/m²", "0,9"),
     "rover": ("rover", "--looks 12 --body-mass 5", "--environment 2", "approach", "m", "-4,4"),
     "model of MuJoCo": ("crawler.xml", "--duration 0.1 --friction inf", "", "speed", "m/s", "ground"),
+    "model of free sizes": (
+        "crawler.xml",
+        "--duration 0.1 --body-sizes front=0.5:2 --body-sizes trunk=1.2",
+        "",
+        "speed",
+        "m/s",
+        "ground",
+    ),
     "model in water": ("crawler.xml", "--duration 0.1 --friction inf", f"--terrain {SHORE}", "speed", "m/s", SHORE),
     "pouch": ("pouch", "--cycles 1 --settling 0.02 --frequency 8", "", "speed", "BL/s", "flat"),
     "model of ROS": ("cart.urdf", "--duration 0.1 --controller network --light 1,0,0.5", "", "speed", "m/s", "ground"),
@@ -67,6 +75,7 @@ def test_a_robot_is_designed_compared_seen_and_told(morpholab, tmp_path, kind):
 def test_gradients_of_a_robot_are_checked(morpholab, tmp_path, kind):
     robot, options, world, *_ = KINDS[kind]
     (tmp_path / "crawler.xml").write_text(CRAWLER)
+    options += " --body-sizes *r*=0.5:2" if kind == "model of MuJoCo" else ""
     asked = f"--robot {robot} {options} {world} --horizons 1 --directions 2 --samples 2"
     code, out, _ = morpholab(f"gradient-check {asked} --out g --json {QUICK}")
     (horizon,) = json.loads(out)["horizons"]
