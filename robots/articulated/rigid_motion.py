@@ -81,8 +81,8 @@ def slopes_of(
 ) -> dict[str, Floats]:
     """Derivatives of a measure of a user's own by places and orientations of bases and by angles, as a tape takes."""
 
-    def measured(*ended: Any) -> Any:
-        return own.told(RigidMotion.of(robot, *ended, tree), len(run.status))
+    def measured(position: Any, orientation: Any, angles: Any) -> Any:
+        return own.told(RigidMotion.of(robot, position, orientation, angles, tree), len(run.status))
 
     _, pull = trace(measured, *(np.nan_to_num(getattr(run, name)) for name in ENDED))
     return dict(zip(ENDED, pull((run.status == "ok").astype(float)), strict=True))

@@ -236,7 +236,7 @@ class ArticulatedRobot(Robot):
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Free parameters: frequency and three numbers of each drive of a rhythm, or a network's weights; then sizes."""
+        """Free parameters: a rhythm's frequency and three numbers of each drive, or a network's weights; then sizes."""
         if self.controller == "network":
             sensors = [*(f"touch {name}" for name in self.senses.touch), *(["light"] if self.light else [])]
             names = [f"{sensor} to {drive}" for sensor in sensors for drive in self.drives]

@@ -150,7 +150,7 @@ class _Group:
         trees: of the robots, one for all where no size is free.
         engine: that moves them.
         start: their state at the start; None as their trees have it.
-        relief: uneven ground, which they then stand on.
+        relief: uneven ground that they then stand on, if sizes are free.
     """
 
     controls: Floats
@@ -177,9 +177,9 @@ def _groups(
         trees = [robot.sizes.tree_of(each) for each in sizes[part]] if robot.sizes.free else [robot.tree]
         if engine is None or robot.sizes.free:
             engine = engine_in(robot, world, compute, trees)
-        yield _Group(
-            controls[part], sizes[part], trees, *engine, None if engine[1] is None else relief_under(robot, world)
-        )
+        started = robot.sizes.free and engine[1] is not None  # whose starts on it follow their sizes
+        relief = relief_under(robot, world) if started else None
+        yield _Group(controls[part], sizes[part], trees, *engine, relief)
 
 
 def _each_tree(trees: Sequence[Tree], run: RigidResult) -> list[tuple[Tree, RigidResult]]:
@@ -343,12 +343,11 @@ def _result(
         count = len(run.status)
         ends.append((trees[first : first + count] if several else trees[:1], run))
         first += count
-    centre = np.concatenate([_centre(*each) for end in ends for each in _each_tree(*end)])
+    each = [one for end in ends for one in _each_tree(*end)]
+    centre = np.concatenate([_centre(*one) for one in each])
+    start = first_centre(trees[0]) if not several else np.concatenate([first_centre(tree) for tree, _ in each])
+    distance = along(centre - start, robot.direction)
     status, steps = (np.concatenate([getattr(run, name) for run in runs]) for name in ("status", "steps"))
-    measures = {
-        name: np.concatenate([_told(robot, name, *end) for end in ends])
-        for name in ("distance", *(own.name for own in robot.own_measures))
-    }
-    distance = measures.pop("distance")
+    own = {one.name: np.concatenate([_told(robot, one.name, *end) for end in ends]) for one in robot.own_measures}
     kept = tuple(trees if several else trees[:1])
-    return ArticulatedResult(distance, centre, status, steps, tuple(runs), measures, gradients, kept)
+    return ArticulatedResult(distance, centre, status, steps, tuple(runs), own, gradients, kept)

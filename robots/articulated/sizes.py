@@ -211,13 +211,12 @@ class Sizes:
         """
         found = np.empty(sizes.shape)
         for number in range(sizes.shape[1]):
-            *shifted, span = self.shifted(sizes, number)
-            lower, upper = (np.array([start_of(tree, relief) for tree in trees]) for trees in shifted)
-            change = back.between_trees(*shifted, upper - lower)
+            lower, upper, span = self.shifted(sizes, number)
+            before, after = (np.array([start_of(tree, relief) for tree in trees]) for trees in (lower, upper))
+            change = back.between_trees(lower, upper, after - before)
             if put is not None:
-                change = change + (put * (upper - lower)).sum(1)
-            before, after = map(judge, shifted)
-            found[:, number] = (change + after - before) / span
+                change = change + (put * (after - before)).sum(1)
+            found[:, number] = (change + judge(upper) - judge(lower)) / span
         return found
 
 
