@@ -28,7 +28,7 @@ class RigidMotion:
         places: bodies' centres at the end [m], shape (B, N, 3).
         turns: orientations of the bodies at the end, unit quaternions (w, x, y, z), shape (B, N, 4).
         angles: angles of the hinges at the end, as the robot's file counts them [rad], shape (B, H).
-        start_places: bodies' centres as the model has them [m], shape (N, 3).
+        start_places: bodies' centres as the model has them, with the robot's sizes [m], shape (N, 3).
         start_turns: bodies' orientations as the model has them, shape (N, 4).
         masses: masses of the bodies [kg], shape (N,); 0 of a base that stands for the world.
         bodies: names of the bodies.

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from articulated_files import CART, CRAWLER
 
+from optim.named import robot as robot_named
 from robots.articulated import ArticulatedRobot, DriveReflexes, differentiate, simulate
 from robots.articulated.kind import ArticulatedKind
 from robots.articulated.robot import robot_of_record
@@ -215,6 +216,8 @@ def test_a_design_keeps_its_sizes_and_is_seen_with_them(tmp_path):
     robot.save(point, tmp_path / "design.json")
     design = load_design(tmp_path / "design.json")
     assert design.robot.body_sizes == FREE and design.point.tolist() == point
+    with pytest.raises(ValueError, match=r"^body_sizes: .* has its own; leave it out"):
+        design.changed({"body_sizes": [{"front": 2.0}]})
     big, usual = (robot.replay([*point[:-2], *sizes], GROUND, frames=3).motion for sizes in ((2.0, 0.5), (1.0, 1.0)))
     toes = [motion.translation[0, [node.name for node in motion.nodes].index("front"), 0] for motion in (big, usual)]
     assert toes == pytest.approx([0.5 * 0.15 + 2 * 0.05, 0.15 + 0.05])  # the middles of capsules
@@ -276,5 +279,7 @@ def test_sizes_are_spelled_as_names_and_ranges(tmp_path):
     path.write_text(CRAWLER)
     built = ArticulatedKind().build(str(path), {"body_sizes": [{"front": 2.0}, {"rear": Free(0.5, 2.0)}]})
     assert dict(built.body_sizes) == {"front": 2.0, "rear": Free(0.5, 2.0, 1.0)}
+    for given in ({"front": Free(0.5, 2.0)}, "front=0.5:2", ["front"]):
+        assert dict(robot_named(path, body_sizes=given).body_sizes) == {"front": Free(0.5, 2.0, 1.0)}
     with pytest.raises(ValueError, match=r"^body_sizes: 'front' is given twice; give each name once$"):
         ArticulatedKind().build(str(path), {"body_sizes": [{"front": 2.0}, {"front": 1.0}]})
