@@ -14,6 +14,7 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.variables import Variable
 from taichi_sim.ground.relief import Relief
 from taichi_sim.rigid.gradient import RigidGradient
+from taichi_sim.rigid.model.assembly import check_start, depth_of
 from taichi_sim.rigid.model.scaling import scaled_tree
 from taichi_sim.rigid.model.tree import Tree
 
@@ -131,8 +132,8 @@ class Sizes:
                     raise ValueError(f"{FIELD}: {other!r} and {pattern!r} are both {names[n]}; give each body once")
                 which[n] = number
         made = cls(tree, given, tuple(which))
-        for each in ("low", "high"):
-            made._scaled([getattr(size, each) if isinstance(size, Free) else size for size in given.values()])
+        for each, word in (("high", "largest"), ("low", "smallest")):
+            made._check([getattr(size, each) if isinstance(size, Free) else size for size in given.values()], word)
         return made
 
     @property
@@ -175,6 +176,17 @@ class Sizes:
             checks.number(parameter.name, size, LEAST / BEYOND, MOST * BEYOND)
         left = iter(sizes.tolist())
         return self._scaled([next(left) if isinstance(size, Free) else size for size in self.given.values()])
+
+    def _check(self, sizes: Sequence[float], word: str) -> None:
+        """Refuse sizes that no body can have, and with which a fixed robot starts in the ground."""
+        tree = self._scaled(sizes)
+        if not tree.fixed or depth_of(self.tree):  # a free one is raised, and that of the file was looked at before
+            return
+        try:
+            check_start(tree)
+        except ValueError as error:
+            told = str(error).partition(": ")[2]
+            raise ValueError(f"{FIELD}: at the {word} sizes, {told}") from None
 
     def _scaled(self, sizes: Sequence[float]) -> Tree:
         return scaled_tree(self.tree, [1.0 if number < 0 else sizes[number] for number in self.which])

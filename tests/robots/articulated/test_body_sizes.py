@@ -112,22 +112,23 @@ def test_mass_grows_with_the_cube_and_inertia_with_the_fifth_power():
 def test_sizes_of_one_leave_a_tree_as_it_is_and_a_fixed_base_stays():
     robot = crawler()
     assert scaled_tree(robot.model.tree, [1, 1, 1]) is robot.model.tree is robot.tree
-    cart = ArticulatedRobot(CART, fixed=True, body_sizes={"*": 2.0})
+    cart = ArticulatedRobot(CART, fixed=True, body_sizes={"*": 0.5})
     base, wheel = cart.tree.bodies
-    assert np.array_equal(base.position, cart.model.tree.bodies[0].position) and wheel.position == pytest.approx(
-        (0.6, 0, 0)
-    )
+    assert np.array_equal(base.position, cart.model.tree.bodies[0].position)
+    assert wheel.position == pytest.approx(np.add(base.position, (0.15, 0, 0)))
     free = ArticulatedRobot(CART, body_sizes={"*": 2.0})
     assert lowest(free.tree) == pytest.approx(lowest(free.model.tree))
 
 
 def test_what_a_robot_hangs_on_is_no_body_of_it():
     swing = CRAWLER.replace("<freejoint/>", '<joint name="pivot" pos="0 0 0.3"/>')
-    robot = ArticulatedRobot(swing, body_sizes={"*": 2.0})
-    assert [body.mass for body in robot.tree.bodies] == pytest.approx([1.0, 8.0, 2.4, 2.4])
+    robot = ArticulatedRobot(swing, body_sizes={"*": 0.5})
+    assert robot.tree.masses == pytest.approx([0.0, 0.125, 0.0375, 0.0375])
     assert robot.tree.hinges[0].anchor == pytest.approx(robot.model.tree.hinges[0].anchor)
     with pytest.raises(ValueError, match=r"^body_sizes: 'world' is no body; give one of trunk, front, rear, or a"):
         ArticulatedRobot(swing, body_sizes={"world": 2.0})
+    with pytest.raises(ValueError, match=r"^body_sizes: at the largest sizes, its start 380 mm deep in the ground, z"):
+        ArticulatedRobot(swing, body_sizes={"*": (0.5, 2.0)})
 
 
 def test_bodies_of_a_pattern_share_one_parameter():
