@@ -12,7 +12,7 @@ import numpy as np
 
 from optim.doubts import chaos_in, doubts_after
 from optim.interrupts import CTRL_C, EndedBySignals
-from optim.named import Designs, of_run, points_of, robot, run_in, world
+from optim.named import Designs, of_run, points_of, robot, run_in, run_precision, world
 from optim.progress import Update, shown_progress
 from robots.robot import KINDS, OK, Measure, Outcome, Replay, Robot, World, warn_of_doubts
 from taichi_sim.base.arrays import Floats, copied, fixed
@@ -253,7 +253,7 @@ def simulate(
             none; or values of some parameters by name, each a number or of shape (N,) and within the bounds (an angle
             wraps round), while the others are as at the start; None for the start.
         where: the world or its name; by default the robot's usual one, or the first one of a run.
-        how: ``precision``, ``threads`` and ``device`` of the computation, see :class:`Compute`.
+        how: ``precision`` (of a run its own by default), ``threads`` and ``device``, see :class:`Compute`.
 
     Raises:
         ValueError: for a value that is not allowed; a design that fails is not an error but has a status.
@@ -344,6 +344,8 @@ def _given(
         raise ValueError(f"{unknown[0]}: is unknown here; {_place_of(tried, source, unknown[0])}")
     if place is None or where is not None:
         place = world(tried, where)
+    if run is not None and "precision" not in how:
+        how["precision"] = run_precision(run)
     return tried, tried.points(points_of(tried, designs)), place, Compute(**how)
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from optim.notes import note
-from optim.problems import kind_of_run, robot_of_run
+from optim.problems import kind_of_run, precision_of_run, robot_of_run
 from optim.runs.config import has_run, read_config, run_of_any_seed
 from optim.runs.history import History, read_history
 from robots.robot import (
@@ -48,6 +48,14 @@ class Named:
     kind: RobotKind
     source: str | None = None
     run: Path | None = None
+
+    @property
+    def precision(self) -> str:
+        """The precision in which it is simulated unless an option says another: that of its run, or f64."""
+        if self.run is None:
+            return "f64"
+        run = self.run if has_run(self.run) else run_of_any_seed(self.run) or self.run
+        return precision_of_run(run, read_config(run))
 
     @property
     def label(self) -> str | None:

@@ -62,6 +62,7 @@ def run(args: argparse.Namespace) -> Report:
     gait = _gait_of(args)
     options.claim_folder(args, *FILES)
     named = named_doing(args.robot, gait)
+    args.precision = args.precision or named.precision
     robot, (world, *_) = loaded(named, args.parser.values(args, named.kind))
     compute, what = options.compute(args, "f64"), gait or args.robot
     title = f"{what} {world.where}".strip()

@@ -9,9 +9,7 @@ from optim.commands import Report, options
 from optim.commands.options import QUIET, Command, Option, count
 from optim.commands.robots import kinds_of_words, loaded, named_source, world_and_own
 from optim.commands.view_files import APPEARANCE, OUTPUTS, TITLE, check_outputs, write_outputs
-from optim.problems import precision_of_run
 from optim.progress import Update, shown_progress
-from optim.runs.history import read_history
 from optim.wording import spoken_size
 from robots.robot import Robot, RobotKind, World
 from taichi_sim.base.short_text import counted
@@ -69,9 +67,7 @@ def run(args: argparse.Namespace) -> Report:
         for done, (each, (robot, (world, *_))) in enumerate(zip(named, robots, strict=True)):
             update(float(done), args.sources[done])
             name = f"{each.label or robot.name} {world.where}".strip()
-            # In another precision, a robot whose motion is chaotic may end elsewhere than the run has scored it.
-            precision = precision_of_run(read_history(each.run)) if each.run else "f64"
-            compute, tick = options.compute(args, precision), partial(_tick, update, done)
+            compute, tick = options.compute(args, each.precision), partial(_tick, update, done)
             replay = robot.replay((), world, frames=args.frames, name=name, compute=compute, progress=tick)
             motions.append(replay.motion)
     files = write_outputs(motions, args)

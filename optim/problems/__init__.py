@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -103,26 +104,28 @@ def robot_of_run(
     """
     from optim.runs.config import check_ground_files
 
-    problem = _problem_of_robots(history)
+    problem = _problem_of_robots(history.path, history.config)
     if not elsewhere:
         check_ground_files(history.config, problem.ground_files, history.path)
     return problem.robot_of(kept_point(history, problem, member)), problem.tried_in
 
 
-def precision_of_run(history: "History") -> str:
+def precision_of_run(path: Path, config: Mapping[str, Any]) -> str:
     """Return the precision in which a run has simulated its robots, ``"f32"`` or ``"f64"``.
+
+    In another one, a robot whose motion is chaotic may end elsewhere than the run has scored it.
 
     Raises:
         ValueError: if the run designs no robots.
     """
-    return str(_problem_of_robots(history).precision)
+    return str(_problem_of_robots(path, config).precision)
 
 
-def _problem_of_robots(history: "History") -> Any:
+def _problem_of_robots(path: Path, config: Mapping[str, Any]) -> Any:
     """The problem of a run that designs robots."""
-    kind_of_run(history.path, history.config)
-    problem: Any = problem_of_run(history.path, history.config)
-    return problem.designed if history.config["problem"].get("kind") == FILE else problem
+    kind_of_run(path, config)
+    problem: Any = problem_of_run(path, config)
+    return problem.designed if config["problem"].get("kind") == FILE else problem
 
 
 def kept_point(history: "History", problem: Problem, member: int | None) -> Floats:

@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 from optim.problem import Evaluation, Problem, Request
 from taichi_sim.base import line_files
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import shown
 from taichi_sim.base.parsing import parse_json
 from taichi_sim.base.records import Count, checked
 
 EVALUATIONS = "evaluations.jsonl"
 FORMAT = "morpholab evaluations 1"
+OF_ALL = ("generation", "wants", "sharpness", "partly", "status")  # columns of all runs
 _NUMBER = re.compile(rb'\{"generation": (\d+),')
 
 
@@ -38,6 +40,9 @@ class _Head:
     def __post_init__(self) -> None:
         if self.format != FORMAT:
             raise ValueError(f"format: {self.format!r} is not allowed; it is {FORMAT!r}")
+        for field in ("variables", "objectives"):
+            if len(set(names := getattr(self, field))) < len(names):
+                raise ValueError(f"{field}: {names} are not allowed; give each name once")
 
 
 @dataclass(frozen=True)
@@ -69,15 +74,22 @@ class EvaluationLog:
     """The file of a run to which the designs of each generation are added."""
 
     def __init__(self, folder: Path, problem: Problem) -> None:
-        """Use the file of a run folder, which is made with its first line if it is not there."""
+        """Use the file of a run folder.
+
+        Raises:
+            ValueError: if it is there and of another run.
+        """
         self._path = folder / EVALUATIONS
-        if next(line_files.lines_of(self._path), None) is None:  # not there, or a kill cut its first line off
-            self._path.unlink(missing_ok=True)
-            head = _Head(FORMAT, list(problem.space.names), list(problem.objective_names))
-            line_files.append_line(self._path, _json_of(head))
+        self._head = _json_of(_Head(FORMAT, list(problem.space.names), list(problem.objective_names)))
+        if (first := next(_lines_of(self._path), None)) not in (None, self._head.encode() + b"\n"):
+            told = f"line 1: {shown(first)} is not of this run; remove the file, and the run goes on without it"
+            raise ValueError(f"{self._path}: {told}")
 
     def keep(self, generations: int) -> None:
-        """Cut the file back to what a run with so many complete generations has evaluated."""
+        """Cut the file back to what a run with so many complete generations has evaluated, or begin it."""
+        if next(line_files.lines_of(self._path), None) is None:  # not there, or a kill cut its first line off
+            self._path.unlink(missing_ok=True)
+            line_files.append_line(self._path, self._head)
         size = 0
         for number, line in enumerate(line_files.lines_of(self._path)):
             found = _NUMBER.match(line)
@@ -126,11 +138,14 @@ def evaluations(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     for number, read in _parsed(path):
         if isinstance(read, _Head):
             head = read
+            parts.append(_columns(head, _Line(0, "", 0.0, False, [], [], [], {})))  # its columns, without a design
             continue
         try:
             parts.append(_columns(head, read))
         except ValueError as error:
             raise ValueError(f"{path}: line {number}: {error}") from None
+    if not parts:
+        raise ValueError(f"{path}: is empty; its first line names the variables")
     names = dict.fromkeys(name for part in parts for name in part)
     return {
         name: _joined([part.get(name) for part in parts], [len(part["status"]) for part in parts]) for name in names
@@ -139,12 +154,24 @@ def evaluations(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
 
 def _parsed(path: Path) -> Iterator[tuple[int, _Head | _Line]]:
     """The complete lines of a file with their numbers, counted from 1."""
-    for number, line in enumerate(line_files.lines_of(path), 1):
+    for number, line in enumerate(_lines_of(path), 1):
         try:
             read = parse_json(line)
             yield number, checked(_Head, read) if number == 1 else checked(_Line, read)
         except ValueError as error:
             raise ValueError(f"{path}: line {number}: {error}") from None
+
+
+def _lines_of(path: Path) -> Iterator[bytes]:
+    """The complete lines of the file.
+
+    Raises:
+        ValueError: if it cannot be read, or is a pipe or device.
+    """
+    try:
+        yield from line_files.lines_of(path)
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
 
 
 def _columns(head: _Head, line: _Line) -> dict[str, NDArray[Any]]:
@@ -158,7 +185,10 @@ def _columns(head: _Head, line: _Line) -> dict[str, NDArray[Any]]:
         "sharpness": np.full(count, line.sharpness),
         "partly": np.full(count, line.partly),
     }
-    found |= dict(zip(head.variables, points.T, strict=True))
+    found |= {
+        each if each not in OF_ALL else f"{each} (variable)": x
+        for each, x in zip(head.variables, points.T, strict=True)
+    }
     more = {**dict(zip(head.objectives, objectives.T, strict=True)), "status": np.array(line.status)}
     more |= {name: _column(values) for name, values in line.details.items() if name not in more}
     for name, values in more.items():

@@ -61,8 +61,8 @@ class FolderSearch:
             _write_designs(problem, method.result(), folder)
         self._evaluations: EvaluationLog | None = None
         if keep_evaluations or (folder.path / EVALUATIONS).exists():
+            self._evaluations = EvaluationLog(folder.path, problem)
             with folder.writing():
-                self._evaluations = EvaluationLog(folder.path, problem)
                 self._evaluations.keep(self.turns)
 
     @property

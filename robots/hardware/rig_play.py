@@ -96,6 +96,7 @@ class Play:
     copy: int = 0
 
     def __post_init__(self) -> None:
+        self.rig.check_plays_gaits()
         self.rig.check_names(self.table.channels)
 
 

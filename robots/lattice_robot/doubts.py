@@ -30,7 +30,12 @@ def doubts_on(robot: "LatticeRobot", terrain: Terrain) -> tuple[str, ...]:
     used = [robot.body.materials[n] for n in np.unique(np.asarray(robot.body.material_index))]
     driven = any(drive.quantity == "friction" for drive in robot.drives)
     slippery = not (driven or any(material.static_friction for material in used)) and not terrain.is_wet
-    if not slippery or terrain.static_friction is not None or terrain.high_friction is not None:
+    if (
+        not slippery
+        or np.asarray(robot.body.fixed).any()
+        or terrain.static_friction is not None
+        or terrain.high_friction is not None
+    ):
         return ()
     told = f"no material of {robot.name} has any, so it slides as on ice"
     return (f"static_friction: {told}; give materials static_friction=1.0, kinetic_friction=0.8, or --ground-friction",)

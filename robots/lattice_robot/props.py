@@ -110,13 +110,11 @@ class Placed:
         if relief is not None:
             self._check_above(props, level, relief)
         standing = level if relief is None else self.standing(level, relief)
-        firsts = np.flatnonzero(np.diff(self.groups)) + 1
-        on_level, on_ground = np.split(level, firsts), np.split(standing, firsts)
-        for group in range(1, len(on_level)):
+        bodies = np.split(standing, np.flatnonzero(np.diff(self.groups)) + 1)
+        for group in range(1, len(bodies)):
             for other in range(group):
-                # The world holds walls, so none throws another one that the ground has raised into it.
-                bodies = on_level if self.held[group] and self.held[other] else on_ground
-                self._check_apart(props, bodies, (group, other), relief is not None)
+                if not (self.held[group] and self.held[other]):  # the world holds walls, so none throws another
+                    self._check_apart(props, bodies, (group, other), relief is not None)
 
     def _check_apart(
         self, props: Sequence[Prop], bodies: Sequence[Floats], pair: tuple[int, int], uneven: bool

@@ -8,7 +8,7 @@ import traceback
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
-from types import FrameType
+from types import FrameType, ModuleType
 
 # What loaders, compilers and C++ say where memory ends; the last is of a thread whose stack finds no place.
 NO_MEMORY = (
@@ -19,8 +19,6 @@ BLAMED = "a fault of "  # how notes at exceptions begin that say whose fault the
 LONGEST_SAID = 300  # characters of what an exception says
 OWN_PACKAGES = "morpholab", "optim", "robots", "taichi_sim"
 GROUPS = "morpholab."  # how the names of all groups of entry points begin
-
-_homes: dict[str, Path] = {}  # folders of modules that users' files have imported from beside them, by name
 
 
 @contextlib.contextmanager
@@ -59,22 +57,40 @@ def users_code(file: object) -> Iterator[None]:
 def modules_beside(folder: str | os.PathLike[str]) -> Iterator[None]:
     """Run a user's file of a folder inside, which may import the modules beside it.
 
-    It does not get those that a file of another folder has imported by the same names.
+    It does not get those that a file of another folder, or the user's own program, has imported by the same names;
+    these have theirs again afterwards.
     """
     place = Path(os.path.realpath(folder))
-    for name, home in list(_homes.items()):
-        if home != place and any((place / each).exists() for each in (f"{name}.py", name)):
-            del _homes[name]
-            for each in [each for each in sys.modules if each.partition(".")[0] == name]:
-                del sys.modules[each]
-    before = {*sys.modules, *OWN_PACKAGES}
+    aside = _set_aside(place)
     sys.path.insert(0, str(place))
     try:
         yield
     finally:
         with contextlib.suppress(ValueError):  # the file may have changed the path itself
             sys.path.remove(str(place))
-        _homes.update({name: place for name in sys.modules.keys() - before if _lies_in(place, name)})
+        for name in {each.partition(".")[0] for each in aside}:
+            _forget(name)
+        sys.modules.update(aside)
+
+
+def _set_aside(place: Path) -> dict[str, ModuleType]:
+    """Take away modules of other folders that are called as those of this one are; return them."""
+    found: dict[str, ModuleType] = {}
+    for name in {each.partition(".")[0] for each in sys.modules} - {*OWN_PACKAGES, *sys.stdlib_module_names}:
+        file = getattr(sys.modules.get(name), "__file__", None)
+        is_named_so = (place / f"{name}.py").is_file() or (place / name / "__init__.py").is_file()
+        if is_named_so and isinstance(file, str) and not _lies_in(place, name) and not _is_installed(file):
+            found |= _forget(name)
+    return found
+
+
+def _forget(name: str) -> dict[str, ModuleType]:
+    """Take a module and those in it away, and return them."""
+    return {each: sys.modules.pop(each) for each in [*sys.modules] if each.partition(".")[0] == name}
+
+
+def _is_installed(file: str) -> bool:
+    return not {"site-packages", "dist-packages"}.isdisjoint(Path(file).parts)
 
 
 def _lies_in(folder: Path, name: str) -> bool:

@@ -86,6 +86,8 @@ def test_feet_without_friction_are_told_on_dry_ground():
         ml.simulate(robot, threads=1)
     for place in (Terrain.water(), Terrain(static_friction=1.0, kinetic_friction=0.8)):
         assert not robot.doubts_in(place)
+    held = replace(robot, body=replace(body, fixed=np.ones((2, 6), bool)))
+    assert not held.doubts_in(Terrain())
     driven = replace(robot, drives=(*robot.drives, Drive("feet", (0,), "friction", amplitude=0.1, mean=0.5)))
     assert not driven.doubts_in(Terrain())
     assert Ground("stairs:0.01,0.1").level_until(4.5, 5.0) == math.inf

@@ -2,8 +2,10 @@
 
 import json
 import re
+import sys
 import tomllib
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 import trimesh
@@ -142,14 +144,18 @@ def test_a_search_is_the_same_with_workers(morpholab, mine):
     assert Path("a/best.json").read_bytes() == Path("b/best.json").read_bytes()
 
 
-def test_modules_beside_a_users_file_are_its_own(morpholab, tmp_path):
-    """Also where the file of another folder has imported one of the same name."""
+def test_modules_beside_a_users_file_are_its_own(morpholab, tmp_path, monkeypatch):
+    """Also where the user's program, or the file of another folder, has imported one of the same name."""
+    programs = ModuleType("cycles_of_mine")
+    programs.__file__, programs.COUNT = str(tmp_path / "cycles_of_mine.py"), 9
+    monkeypatch.setitem(sys.modules, "cycles_of_mine", programs)
     for folder, cycles in (("a", 1), ("b", 2), ("a", 1)):
         (tmp_path / folder).mkdir(exist_ok=True)
         (tmp_path / folder / "cycles_of_mine.py").write_text(f"COUNT = {cycles}\n")
         mine = MINE.replace("cycles=1", "cycles=COUNT")
         (tmp_path / folder / "mine.py").write_text(f"from cycles_of_mine import COUNT\n{mine}")
         assert find_robot(f"{folder}/mine.py")[0].build(f"{folder}/mine.py", {}).cycles == cycles
+        assert sys.modules["cycles_of_mine"] is programs
 
 
 @pytest.mark.filterwarnings("ignore:model. ignored")

@@ -9,6 +9,7 @@ import pytest
 from run_products import searched
 from stand_in import Simulator
 
+import morpholab as ml
 from optim.problems.braitenberg import VehicleProblem
 from robots.braitenberg import STARTS, VehicleTask
 from robots.hardware import export_csv
@@ -62,6 +63,15 @@ def test_a_run_is_seen_in_its_own_precision(morpholab, tmp_path):
         assert morpholab(f"view a --frames 9 {precision} --threads 1 --quiet --out page{len(pages)}.html")[0] == 0
         pages.append((tmp_path / f"page{len(pages)}.html").read_bytes())
     assert pages[0] == pages[1] != pages[2]
+
+
+def test_a_run_is_simulated_in_its_own_precision(morpholab, tmp_path):
+    search = "codesign --robot soft-quadruped --method random --climbers 1 --generations 1 --precision f32"
+    assert morpholab(f"{search} --threads 1 --quiet --out a")[0] == 0
+    best = json.loads((tmp_path / "a" / "log.jsonl").read_text().splitlines()[-1])["best"]
+    assert json.loads(morpholab("simulate --robot a --threads 1 --quiet --json")[1])["speed"] == best
+    assert ml.simulate(tmp_path / "a", threads=1)["speed"].tolist() == [best]
+    assert ml.simulate(tmp_path / "a", threads=1, precision="f64")["speed"].tolist() != [best]
 
 
 def test_a_folder_that_holds_no_run_hides_no_robot(morpholab, tmp_path):

@@ -16,7 +16,7 @@ from optim.space import Space, Variable
 class Hill:
     """A hill of two objectives, with a measure that not all points have, and points that fail."""
 
-    space = Space((Variable("x", -1.0, 1.0), Variable("speed", 0.0, 3.0)))
+    space = Space((Variable("x", -1.0, 1.0), Variable("speed", 0.0, 3.0), Variable("status", 0.0, 1.0)))
     objective_names = ("speed", "height")
 
     def describe(self):
@@ -42,7 +42,19 @@ def searched(folder, generations, resume=False, keep=False):
 def test_all_designs_are_columns(tmp_path):
     searched(tmp_path / "run", 4, keep=True)
     found = ml.evaluations(tmp_path / "run")
-    names = ("generation", "wants", "sharpness", "partly", "x", "speed", "speed (measured)", "height", "status", "side")
+    names = (
+        "generation",
+        "wants",
+        "sharpness",
+        "partly",
+        "x",
+        "speed",
+        "speed (measured)",
+        "height",
+        "status",
+        "status (variable)",
+        "side",
+    )
     assert set(found) == set(names) and {len(column) for column in found.values()} == {40}
     assert found["generation"].tolist() == np.repeat(range(5), 8).tolist() and set(found["wants"]) == {"points"}
     ok = found["status"] == "ok"
@@ -81,12 +93,36 @@ def test_a_run_without_the_file_says_how_to_keep_it(tmp_path):
         ml.evaluations(tmp_path / "run")
 
 
+def test_a_file_of_another_run_is_refused(tmp_path):
+    searched(tmp_path / "run", 1, keep=True)
+    (tmp_path / "run" / EVALUATIONS).write_text("garbage\n")
+    with pytest.raises(
+        ValueError, match=r"evaluations.jsonl: line 1: b'garbage.*' is not of this run; remove the file"
+    ):
+        searched(tmp_path / "run", 2, resume=True)
+
+
+def test_what_is_empty_or_no_file_is_told(tmp_path):
+    searched(tmp_path / "run", 0, keep=True)
+    path = tmp_path / "run" / EVALUATIONS
+    path.write_text(path.read_text().splitlines()[0] + "\n")
+    assert {name: len(column) for name, column in ml.evaluations(tmp_path / "run").items()}["height"] == 0
+    path.write_text("")
+    with pytest.raises(ValueError, match=r"evaluations.jsonl: is empty; its first line names the variables"):
+        ml.evaluations(tmp_path / "run")
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(ValueError, match=r"evaluations.jsonl: cannot be read"):
+        ml.evaluations(tmp_path / "run")
+
+
 @pytest.mark.parametrize(
     ("line", "change", "told"),
     [
+        (0, {"variables": ["x", "x"]}, r"line 1: variables: \['x', 'x'\] are not allowed; give each name once"),
         (0, {"format": "other"}, r"line 1: format: 'other' is not allowed; it is 'morpholab evaluations 1'"),
         (0, {"variables": ["x"]}, r"line 2: points: 8 rows of 1 numbers are needed"),
-        (2, {"points": [[0.0, 1.0]]}, r"line 3: objectives: 1 rows of 2 numbers are needed"),
+        (2, {"points": [[0.0, 1.0, 0.0]]}, r"line 3: objectives: 1 rows of 2 numbers are needed"),
         (2, {"objectives": [["a", 1.0]] * 8}, r"line 3: objectives"),
         (1, {"status": ["ok"]}, r"line 2: status: 1 values are not allowed for 8 designs"),
         (1, {"generation": -1}, r"line 2: generation: -1 is not allowed"),
