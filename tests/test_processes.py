@@ -144,7 +144,7 @@ def test_an_unexpected_exception_is_a_bug_with_a_log(morpholab, monkeypatch, tmp
     def broken(*_):
         raise KeyError("fault")
 
-    monkeypatch.setattr("optim.commands.simulate.robot_to_try", broken)
+    monkeypatch.setattr("optim.commands.simulate.loaded", broken)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     code, out, error = morpholab("simulate --gait rolling")
     assert (code, out) == (70, "") and error.count("\n") == 1
@@ -164,7 +164,7 @@ def test_a_recursion_without_end_is_a_bug_too(morpholab, monkeypatch, tmp_path):
     def endless(*given):
         return endless(*given)
 
-    monkeypatch.setattr("optim.commands.simulate.robot_to_try", endless)
+    monkeypatch.setattr("optim.commands.simulate.loaded", endless)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     code, out, error = morpholab("simulate --gait rolling")
     assert (code, out) == (70, "") and error.count("\n") == 1
@@ -349,7 +349,7 @@ def test_a_missing_module_is_told_as_that(morpholab, monkeypatch):
     def broken(*_):
         raise ModuleNotFoundError("No module named 'rich.progress'", name="rich.progress")
 
-    monkeypatch.setattr("optim.commands.simulate.robot_to_try", broken)
+    monkeypatch.setattr("optim.commands.simulate.loaded", broken)
     told = "morpholab simulate: failed: the module rich.progress is missing; install morpholab's dependencies\n"
     assert morpholab("simulate --gait rolling") == (1, "", told)
 

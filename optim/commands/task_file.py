@@ -16,7 +16,7 @@ TASK = Option(
     "NAME|FILE",
 )
 SEED_OR_SEEDS = (("seed", "seeds"), ("seeds", "seed"))
-OWN = ("help", "task", "out", "resume", "quiet", "json")  # options that say nothing of the task
+OWN = ("help", "task", "out", "resume", "evaluations", "quiet", "json")  # options that say nothing of the task
 
 
 def take_task(args: argparse.Namespace) -> None:

@@ -14,7 +14,7 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.variables import Variable
 from taichi_sim.ground.relief import Relief
 from taichi_sim.rigid.gradient import RigidGradient
-from taichi_sim.rigid.model.assembly import check_start, depth_of
+from taichi_sim.rigid.model.assembly import check_start, depths_of
 from taichi_sim.rigid.model.scaling import scaled_tree
 from taichi_sim.rigid.model.tree import Tree
 
@@ -132,8 +132,7 @@ class Sizes:
                     raise ValueError(f"{FIELD}: {other!r} and {pattern!r} are both {names[n]}; give each body once")
                 which[n] = number
         made = cls(tree, given, tuple(which))
-        for each, word in (("high", "largest"), ("low", "smallest")):
-            made._check([getattr(size, each) if isinstance(size, Free) else size for size in given.values()], word)
+        made._check_start()
         return made
 
     @property
@@ -175,18 +174,32 @@ class Sizes:
         for parameter, size in zip(self.parameters, sizes.tolist(), strict=True):
             checks.number(parameter.name, size, LEAST / BEYOND, MOST * BEYOND)
         left = iter(sizes.tolist())
-        return self._scaled([next(left) if isinstance(size, Free) else size for size in self.given.values()])
+        tree = self._scaled([next(left) if isinstance(size, Free) else size for size in self.given.values()])
+        if self.tree.fixed and any(
+            not free.low <= size <= free.high for free, size in zip(self.free, sizes, strict=True)
+        ):
+            check_start(tree)  # beyond the bounds, within which all sizes were looked at
+        return tree
 
-    def _check(self, sizes: Sequence[float], word: str) -> None:
-        """Refuse sizes that no body can have, and with which a fixed robot starts in the ground."""
-        tree = self._scaled(sizes)
-        if not tree.fixed or depth_of(self.tree):  # a free one is raised, and that of the file was looked at before
+    def _check_start(self) -> None:
+        """Refuse sizes that no body can have, and with which a fixed robot starts in the ground.
+
+        The height of a point is linear in the sizes, so each of its lowest places is at one end of every range.
+        """
+        low, high = (np.array([getattr(size, end) for size in self.free]) for end in ("low", "high"))
+        shallow, _ = (self.tree_of(sizes) for sizes in (low, high))
+        if not self.tree.fixed:  # others are raised
             return
+        depths = depths_of(shallow)
+        ends = [np.where(one, high, low) for one in np.eye(len(low), dtype=bool)]
+        changes = np.array([depths_of(self.tree_of(end)) - depths for end in ends]).reshape(len(low), len(depths))
+        deepest = (depths + np.maximum(changes, 0.0).sum(axis=0)).argmax() if len(depths) else 0
+        sizes = np.where(changes[:, deepest] > 0, high, low) if len(depths) else low
         try:
-            check_start(tree)
+            check_start(self.tree_of(sizes))
         except ValueError as error:
-            told = str(error).partition(": ")[2]
-            raise ValueError(f"{FIELD}: at the {word} sizes, {told}") from None
+            named = ", ".join(f"{name}={size:g}" for name, size in self.settled(sizes).items())
+            raise ValueError(f"{FIELD}: with {named} {str(error).partition(': ')[2]}") from None
 
     def _scaled(self, sizes: Sequence[float]) -> Tree:
         return scaled_tree(self.tree, [1.0 if number < 0 else sizes[number] for number in self.which])

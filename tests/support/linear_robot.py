@@ -23,10 +23,10 @@ class Linear:
         weights = {n: w / (1e4 if "pressure" in n else 1.0) for n, w in weights.items()}
         distance = np.array([sum((weights[n] * np.array(t)).sum() for n, t in each.items()) for each in tables])
         distance = distance + [(t.high_friction or 0.0) + 0.1 * s for t, s in zip(terrains, seeds, strict=True)]
-        status = np.full(len(designs), "ok")
+        status, parts = np.full(len(designs), "ok"), getattr(options.get("counting"), "stages", 1)
         result = SimpleNamespace(
             distance=distance,
-            stages=distance[:, None],
+            stages=np.tile(distance[:, None] / parts, parts),
             status=status,
             steps=np.full(len(designs), 1000),
             time_step=SMALL.time_step,

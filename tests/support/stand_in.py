@@ -44,6 +44,7 @@ class Simulator:
         speed = np.where(failed, np.nan, bits * pressure - abs(orientation - slope / 20))
         begins = [ACTUATION.initial_steps(float(np.max(design.pressure))) for design in designs]
         steps = np.array(begins) + [gait_steps(design.schedule) for design in designs]
+        stages = getattr(options.get("counting"), "stages", 1)
         frames = SimpleNamespace(times=np.arange(3.0)) if options.get("record_every") else None
         status = np.where(failed, "diverged", "ok")
         return InflatableResult(
@@ -52,7 +53,7 @@ class Simulator:
             speed=speed,
             speed_simulated=speed * 2,
             status=status,
-            stages=speed[:, None] * 4,
+            stages=np.tile(speed[:, None] * 4 / stages, stages),
             time_step=PUBLISHED.time_step,
             steps=steps,
             frames=frames,

@@ -263,11 +263,16 @@ def depth_of(tree: Tree) -> float:
 
     The ground moves neither what is fixed to the world nor what turns about vertical axes only, as a column does.
     """
+    return float(max([0.0, *depths_of(tree)]))
+
+
+def depths_of(tree: Tree) -> Floats:
+    """How deep the points of a tree lie in the ground at rest [m], of those that the ground can move; above it < 0."""
     loose = [not tree.fixed]
     for parent, (_, joint) in zip(tree.parents[1:], tree.ordered[1:], strict=True):
         loose.append(loose[parent] or (isinstance(joint, Hinge) and not _is_vertical(joint)))
-    depths = [radius - tree.ordered[n][0].position[2] - centre[2] for n, centre, radius in tree.points() if loose[n]]
-    return float(max([0.0, *depths]))
+    heights = [(tree.ordered[n][0].position[2] + centre[2], radius) for n, centre, radius in tree.points() if loose[n]]
+    return np.array([radius - height for height, radius in heights], float)
 
 
 def _is_vertical(hinge: Hinge) -> bool:

@@ -127,8 +127,31 @@ def test_what_a_robot_hangs_on_is_no_body_of_it():
     assert robot.tree.hinges[0].anchor == pytest.approx(robot.model.tree.hinges[0].anchor)
     with pytest.raises(ValueError, match=r"^body_sizes: 'world' is no body; give one of trunk, front, rear, or a"):
         ArticulatedRobot(swing, body_sizes={"world": 2.0})
-    with pytest.raises(ValueError, match=r"^body_sizes: at the largest sizes, its start 380 mm deep in the ground, z"):
+    with pytest.raises(ValueError, match=r"^body_sizes: with \*=2 its start 380 mm deep in the ground, z = 0, is not"):
         ArticulatedRobot(swing, body_sizes={"*": (0.5, 2.0)})
+
+
+ARM = """<mujoco><worldbody><body name="upper" pos="0 0 0.3"><joint name="shoulder" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 0 0 0.5" size="0.02"/>
+<body name="fore" pos="0 0 0.5"><joint name="elbow" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 0.1 0 -0.6" size="0.02"/></body></body></worldbody><actuator>
+<position joint="shoulder" ctrlrange="-0.5 0.5"/><position joint="elbow" ctrlrange="-0.5 0.5"/></actuator></mujoco>"""
+
+
+def test_a_fixed_robot_starts_above_the_ground_at_all_sizes_between_its_bounds():
+    """An upper arm that goes up and a fore arm that hangs: deepest where one is smallest and the other is largest."""
+    deep = r"^body_sizes: with upper=0.5, fore=2 its start 690 mm deep in the ground, z = 0, is not allowed"
+    for sizes in (
+        {"upper": (0.5, 2.0), "fore": (0.5, 2.0)},
+        {"upper": 0.5, "fore": 2.0},
+        {"upper": 0.5, "fore": (1.0, 2.0)},
+    ):
+        with pytest.raises(ValueError, match=deep):
+            ArticulatedRobot(ARM, body_sizes=sizes)
+    ArticulatedRobot(ARM, body_sizes={"upper": (1.0, 2.0), "fore": (0.5, 1.25)})
+    a_little = ARM.replace('pos="0 0 0.3"', 'pos="0 0 0.1199"')
+    with pytest.raises(ValueError, match=r"^body_sizes: with fore=2 its start"):
+        ArticulatedRobot(a_little, body_sizes={"fore": 2.0})
 
 
 def test_bodies_of_a_pattern_share_one_parameter():
