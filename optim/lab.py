@@ -12,8 +12,10 @@ import numpy as np
 
 from optim.doubts import chaos_in, doubts_after
 from optim.interrupts import CTRL_C, EndedBySignals
-from optim.named import Designs, of_run, points_of, robot, run_in, run_precision, world
+from optim.named import Designs, of_run, points_of, robot, run_in, world
+from optim.problems import precision_of_run
 from optim.progress import Update, shown_progress
+from optim.runs.config import read_config
 from robots.robot import KINDS, OK, Measure, Outcome, Replay, Robot, World, warn_of_doubts
 from taichi_sim.base.arrays import Floats, copied, fixed
 from taichi_sim.base.checks import nearest, whole_number
@@ -345,7 +347,7 @@ def _given(
     if place is None or where is not None:
         place = world(tried, where)
     if run is not None and "precision" not in how:
-        how["precision"] = run_precision(run)
+        how["precision"] = precision_of_run(run, read_config(run))
     return tried, tried.points(points_of(tried, designs)), place, Compute(**how)
 
 

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.problems import kind_of_run, precision_of_run, robot_of_run
+from optim.problems import kind_of_run, robot_of_run
 from optim.runs.config import read_config
 from optim.runs.history import read_history
 from robots.robot import KINDS, Robot, RobotKind, World, find_robot_doing, make_robot
 from taichi_sim.base.arrays import copied
 from taichi_sim.base.checks import nearest, shown
-from taichi_sim.base.compute import Precision
 
 MOST_TOLD = 12  # names in a message
 
@@ -78,11 +77,6 @@ def run_in(source: str | PathLike[str] | Robot) -> Path | None:
         raise ValueError(f"robot: {shown(source)} is not allowed; give a robot, or its name or file, such as 'rolling'")
     folder = Path(source)
     return folder if os.path.isdir(folder) and (folder / "config.toml").exists() else None  # False of a name too long
-
-
-def run_precision(folder: Path) -> Precision:
-    """The precision in which the run in a folder has simulated its robots."""
-    return "f32" if precision_of_run(folder, read_config(folder)) == "f32" else "f64"
 
 
 def robots() -> dict[str, str]:

@@ -3,6 +3,7 @@
 import argparse
 import dataclasses
 import functools
+import shlex
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -236,7 +237,8 @@ def _how_to_judge(problem: "Problem", last: "Generation", folder: Path) -> list[
     if last.best_point is None or not isinstance(problem, RobotDesigning):
         return []
     robot = problem.robot_of(problem.space.from_dict(last.best_point))
-    return [f"how far to trust it: morpholab simulate --robot {folder} --judge"] if robot.can_be_judged else []
+    command = f"morpholab simulate --robot {shlex.quote(str(folder))} --judge"
+    return [f"how far to trust it: {command}"] if robot.can_be_judged else []
 
 
 def _why_no_table(problem: "Problem", last: "Generation") -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from optim.problem import FILE, GAIT, ROBOT, VEHICLE, WALKER, Problem, design_in
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Precision
 from taichi_sim.base.results_folder import BEST_DESIGN
 from taichi_sim.base.short_text import counted
 
@@ -110,7 +111,7 @@ def robot_of_run(
     return problem.robot_of(kept_point(history, problem, member)), problem.tried_in
 
 
-def precision_of_run(path: Path, config: Mapping[str, Any]) -> str:
+def precision_of_run(path: Path, config: Mapping[str, Any]) -> Precision:
     """Return the precision in which a run has simulated its robots, ``"f32"`` or ``"f64"``.
 
     In another one, a robot whose motion is chaotic may end elsewhere than the run has scored it.
@@ -118,7 +119,8 @@ def precision_of_run(path: Path, config: Mapping[str, Any]) -> str:
     Raises:
         ValueError: if the run designs no robots.
     """
-    return str(_problem_of_robots(path, config).precision)
+    found: Precision = _problem_of_robots(path, config).precision
+    return found
 
 
 def _problem_of_robots(path: Path, config: Mapping[str, Any]) -> Any:
