@@ -1,4 +1,4 @@
-"""What of a trial is likely a mistake: ground that is never met, feet without friction, slopes that chaos makes."""
+"""What of a trial is likely a mistake: ground that is never met, feet without friction, chaos, unsolved steps."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -30,11 +30,12 @@ def doubts_before(problem: object) -> Iterator[str]:
 
 
 def doubts_after(robot: Robot, world: World, outcome: Outcome) -> Iterator[str]:
-    """Likely mistakes of a trial: a ground whose uneven part began farther ahead than any of the robots has gone."""
+    """Doubts of a trial: ground whose uneven part began farther ahead than any robot has gone, unsolved steps."""
     gone = outcome.measures.get("distance", np.zeros(0))
     if np.isfinite(gone).any():
         yield from _far(robot, (world,), float(np.nanmax(gone)))
     yield from _of_robot(robot, (world,))
+    yield from robot.doubts_about(outcome)
 
 
 def _of_robot(robot: Robot, worlds: Iterable[World]) -> Iterator[str]:

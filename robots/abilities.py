@@ -134,6 +134,10 @@ class Abilities:
         """What is likely a mistake in a world, such as feet without friction on the ground, a line each."""
         return ()
 
+    def doubts_about(self, outcome: Outcome) -> tuple[str, ...]:
+        """Why a trial's numbers may be less sure than they look, such as steps left unsolved, a line each."""
+        return ()
+
     def save_picture(self, world: World, path: Path) -> None:
         """Write a picture special to this kind, if ``pictured``, of a robot without free variables (PNG, SVG or PDF).
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from robots.articulated.records import FORMER_SLIP, USUAL_RATE, record_of, updated
 from robots.articulated.reflexes import PARTS, DriveReflexes, network_of
 from robots.articulated.senses import checked_place
-from robots.articulated.simulation import felt_over_time, sensed_of, try_points
+from robots.articulated.simulation import ArticulatedResult, felt_over_time, sensed_of, try_points, unsettled
 from robots.articulated.sizes import Size, Sizes, checked_sizes
 from robots.articulated.worlds import GROUND, check_gradients, ground_place
 from robots.outcome import recorded
@@ -286,6 +286,10 @@ class ArticulatedRobot(Robot):
         if frames:
             frames["angles"] = frames["angles"] + [hinge.rest for hinge in self.model.tree.hinges]
         return Outcome(measures, found.status, steps=found.steps, gradients=slopes, frames=frames, result=found)
+
+    def doubts_about(self, outcome: Outcome) -> tuple[str, ...]:
+        """Steps in which contacts or drives did not settle."""
+        return unsettled(outcome.result) if isinstance(outcome.result, ArticulatedResult) else ()
 
     def check_gradients(self, world: World) -> None:
         """Refuse Coulomb friction, which has no derivatives."""

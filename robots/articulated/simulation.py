@@ -105,6 +105,18 @@ def differentiate(
     return try_points(robot, points, trial)
 
 
+def unsettled(found: ArticulatedResult) -> tuple[str, ...]:
+    """A line about robots of a result in which a step left contacts or drives unsolved; none if all were solved."""
+    left = np.concatenate([run.residual for run in found.runs])
+    if not (count := np.count_nonzero(left)):
+        return ()
+    robots = f"{count} of {len(left)} robots" if len(left) > 1 else "the robot"
+    return (
+        f"contacts, stops or drives did not settle in some step of {robots}; compare with double precision, or with a "
+        "smaller time_step",
+    )
+
+
 def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> ArticulatedResult:
     """What a robot does at N points, shape (N, P), in a trial."""
     points, tree = robot.points(points), robot.tree

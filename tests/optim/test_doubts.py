@@ -1,4 +1,4 @@
-"""What of a trial is allowed but likely a mistake: ground that is never met, and feet without friction."""
+"""What of a trial is allowed but likely a mistake: ground that is never met, feet without friction, unsolved steps."""
 
 import math
 from dataclasses import replace
@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import morpholab as ml
-from optim.doubts import doubts_before
+from optim.doubts import doubts_after, doubts_before
 from optim.problems.inflatable.problem import GaitProblem
+from robots.articulated import load_robot
 from robots.freeform import FreeformRobot
 from robots.freeform.grid import Grid
 from robots.ground import Ground
@@ -17,6 +18,7 @@ from robots.lattice_robot import Drive, LatticeRobot
 from robots.lattice_robot.presets import soft_quadruped
 from robots.lattice_robot.walker_robot import WalkerRobot
 from robots.world import Terrain
+from taichi_sim.base.compute import Compute
 from taichi_sim.lattice import LatticeBody, Material
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -91,3 +93,28 @@ def test_feet_without_friction_are_told_on_dry_ground():
     driven = replace(robot, drives=(*robot.drives, Drive("feet", (0,), "friction", amplitude=0.1, mean=0.5)))
     assert not driven.doubts_in(Terrain())
     assert Ground("stairs:0.01,0.1").level_until(4.5, 5.0) == math.inf
+
+
+def snake(links):
+    """MJCF file of a chain of capsules of 1 kg."""
+    link = '<geom type="capsule" size="0.03" fromto="0 0 0 0.1 0 0" mass="1"/>'
+    body = '<body pos="0.14 0 0"><joint name="j{0}" axis="0 0 1" range="-1.2 1.2"/>' + link
+    drive = '<position joint="j{0}" ctrlrange="-1 1" kp="2" forcerange="-1 1"/>'
+    bodies, drives = ("".join(text.format(n) for n in range(1, links)) for text in (body, drive))
+    return (
+        '<mujoco><compiler angle="radian"/><worldbody><geom type="plane" size="5 5 0.1"/>'
+        '<body pos="0 0 0.05"><freejoint/>'
+        f"{link}{bodies}{'</body>' * links}</worldbody><actuator>{drives}</actuator></mujoco>"
+    )
+
+
+@pytest.mark.kernels
+@pytest.mark.filterwarnings("ignore:model. ignored")
+def test_steps_left_unsolved_are_told(tmp_path):
+    (tmp_path / "snake.xml").write_text(snake(20))
+    robot = load_robot(str(tmp_path / "snake.xml"), duration=0.25)
+    points = np.random.default_rng(0).uniform(*np.transpose([[p.low, p.high] for p in robot.parameters]), (2, 58))
+    single, double = (robot.simulate(points, Terrain(), compute=Compute(precision=name)) for name in ("f32", "f64"))
+    (told,) = doubts_after(robot, Terrain(), single)
+    assert "did not settle in some step of 2 of 2 robots; compare with double precision" in told
+    assert not list(doubts_after(robot, Terrain(), double))
