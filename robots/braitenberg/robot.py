@@ -260,6 +260,11 @@ class VehicleRobot(Robot):
         sites, controllers = self.split(())
         return {"sensors": sites[0].tolist(), "weights": controllers[0, 0].tolist()}
 
+    @property
+    def lasts(self) -> float:
+        """Time that a trial takes, unless the vehicle reaches the light before [s]."""
+        return self.task.steps * self.task.time_step
+
     def at_horizon(self, length: int) -> tuple[str, "VehicleRobot"]:
         """The vehicle for so many time steps."""
         return f"{length} steps", replace(self, task=replace(self.task, steps=length))

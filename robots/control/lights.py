@@ -128,6 +128,11 @@ class LightSeeker(Robot):
         """Time steps of a trial."""
         return self.looks - 1
 
+    @property
+    def lasts(self) -> float:
+        """Time that a trial takes [s]."""
+        return self.steps * TIME_STEP
+
     def at_horizon(self, length: int) -> tuple[str, Self]:
         """The robot for so many seconds."""
         return counted(length, "second"), replace(self, looks=round(length / TIME_STEP) + 1)  # type: ignore[type-var]

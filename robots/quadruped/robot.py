@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from robots.control.lights import LightAt, LightSeeker, approach, light_of
-from robots.control.neural import TIME_STEP, Lights, random_weights
+from robots.control.neural import Lights, random_weights
 from robots.quadruped.body import MOTORS, SENSORS, STEPS, TWO_ENVIRONMENTS, VARIANTS, Kind, Quadruped
 from robots.quadruped.simulation import QuadrupedResult, simulate
 from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World
@@ -92,5 +92,5 @@ class QuadrupedRobot(LightSeeker):
         return [
             ("Robot", f"{self.name}: body of {100 * body.body_width:g} cm, limbs of {100 * body.limb_length:g} cm"),
             ("Driven", f"{MOTORS} motors by {SENSORS} sensors, {VARIANTS[self.variant].name}"),
-            ("Trial", f"{(self.looks - 1) * TIME_STEP:g} s"),
+            ("Trial", f"{self.lasts:g} s"),
         ]

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from robots.control.lights import LightAt, LightSeeker, approach, light_of
-from robots.control.neural import TIME_STEP, Lights
+from robots.control.neural import Lights
 from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World
 from robots.rover.body import LIGHTS, STEPS, Rover
 from robots.rover.simulation import RoverResult, simulate
@@ -74,5 +74,5 @@ class RoverRobot(LightSeeker):
         return [
             ("Robot", f"{self.name}: {self.body.body_mass:g} kg, wheels of {100 * self.body.wheel_radius:.3g} cm"),
             ("Sensors", places),
-            ("Trial", f"{(self.looks - 1) * TIME_STEP:g} s"),
+            ("Trial", f"{self.lasts:g} s"),
         ]

@@ -188,6 +188,9 @@ BAD_LINES = [
     ),
     ("view rolling --picture a.png --at 99", "at: 99 s is not allowed; rolling moves for 19.8 s"),
     ("view soft-quadruped --picture a.png --at 2", "at: 2 s is not allowed; soft quadruped moves for 1.25 s"),
+    ("view rover --picture a.png --at 140", "at: 140 s is not allowed; rover 6553 moves for 125 s"),
+    ("view quadruped --picture a.png --at 60", "at: 60 s is not allowed; legged quadruped moves for 49.95 s"),
+    ("view vehicle --picture a.png --at 99999", "at: 99999 s is not allowed; vehicle 6553 moves for 500 s"),
     ("simulate --gait rolling --device cup", "argument --device: invalid choice: 'cup' (choose from "),
     ("", "the following arguments are required: COMMAND"),
 ]
