@@ -9,6 +9,7 @@ import os
 import re
 import runpy
 from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any
 
@@ -84,6 +85,11 @@ class OwnMeasure(Measure):
         """Name of the file that alone defines the measure; empty if there is none."""
         return "" if self.file is None else self.file.name
 
+    def _modules_beside(self) -> AbstractContextManager[None]:
+        """A context in which the law may import modules beside its file."""
+        path = self.file and self.file.path
+        return modules_beside(os.path.dirname(path)) if path else nullcontext()
+
     def told(self, motion: Any, count: int) -> Any:
         """Compute the measure of ``count`` = B robots, shape (B,), traced for derivatives if their motion is.
 
@@ -93,7 +99,7 @@ class OwnMeasure(Measure):
         if self.lost:
             raise ValueError(f"own_measures: {self.name} is defined by {self.source} alone; give that as the robot")
         try:
-            with np.errstate(all="ignore"):  # of robots that diverged
+            with np.errstate(all="ignore"), self._modules_beside():  # errors of robots that diverged
                 found = self.law(motion)
         except Exception as error:  # whatever a user's law may raise
             raise ValueError(f"own_measures: {self.name} fails: {type(error).__name__}: {error}") from error

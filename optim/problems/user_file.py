@@ -1,10 +1,11 @@
 """Problems that users define in a Python file, which they give to the command."""
 
+import contextlib
 import dataclasses
 import json
 import runpy
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from types import SimpleNamespace
@@ -74,25 +75,31 @@ class FileProblem(PlainProblem):
     def __reduce__(self) -> tuple[type["FileProblem"], tuple[str, bytes, str]]:
         return FileProblem, (self.file, self.source, self._folder)
 
+    @contextlib.contextmanager
+    def _at_work(self) -> Iterator[None]:
+        """Run functions of the file inside: they are blamed for what they raise, and may import modules beside it."""
+        with blamed(self.file, self._run_as), modules_beside(self._folder):
+            yield
+
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Evaluate points, shape (N, D)."""
-        with blamed(self.file, self._run_as):
+        with self._at_work():
             return self._problem.evaluate(points)
 
     def _evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
-        with blamed(self.file, self._run_as):
+        with self._at_work():
             return self._problem.evaluate_relaxed(points, sharpness, gradients)  # type: ignore[attr-defined]
 
     def _in_minibatch(self, minibatch: Minibatch) -> "FileProblem":
         part = object.__new__(type(self))  # a copy would run the source again
         part.__dict__.update(self.__dict__)
-        with blamed(self.file, self._run_as):
+        with self._at_work():
             part._problem = self._problem.in_minibatch(minibatch)  # type: ignore[attr-defined]
         part._offer()
         return part
 
     def _check_minibatch(self, size: int) -> None:
-        with blamed(self.file, self._run_as):
+        with self._at_work():
             self._problem.check_minibatch(size)  # type: ignore[attr-defined]
 
     def save(self, point: ArrayLike, path: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 import trimesh
 from articulated_files import CRAWLER
 
+from optim.problems.user_file import load_problem
 from robots.hardware import read_channels
 from robots.lattice_robot.links import LINKS_OPTION, USUAL
 from robots.robot import find_robot
@@ -78,7 +79,9 @@ import dataclasses
 from morpholab import OwnMeasure
 
 def sideways(motion):
-    return (motion.centres(motion.ended) - motion.centres(motion.began))[:, 1] ** 2
+    from power_of_mine import POWER
+
+    return (motion.centres(motion.ended) - motion.centres(motion.began))[:, 1] ** POWER
 
 robot = dataclasses.replace(robot, own_measures=(OwnMeasure("drift", "m^2", law=sideways),))
 """
@@ -88,6 +91,7 @@ robot = dataclasses.replace(robot, own_measures=(OwnMeasure("drift", "m^2", law=
 def test_a_measure_that_only_a_users_file_defines_is_searched(morpholab, tmp_path):
     """A run folder tells of it without its code: the file is given again to go on, and what is seen lacks it."""
     (tmp_path / "my_robot.py").write_text(MINE + DRIFT)
+    (tmp_path / "power_of_mine.py").write_text("POWER = 2\n")
     search = f"codesign --robot my_robot.py --climbers 2 --generations 1 --objective minimise:drift {QUICK} --json"
     code, out, error = morpholab(f"{search} --out a")
     assert code == 0 and json.loads(out)["best"] < 0 and error == ""
@@ -104,7 +108,7 @@ def test_a_measure_that_only_a_users_file_defines_is_searched(morpholab, tmp_pat
     assert code == 2 and "is not told by data alone" in error
     assert morpholab(f"view a --frames 20 --out a.html {QUICK}")[0] == 0
     assert morpholab("report a --out report.html --quiet")[0] == 0 and "drift" in Path("report.html").read_text()
-    (tmp_path / "my_robot.py").write_text(MINE + DRIFT.replace("** 2", "** 4"))
+    (tmp_path / "my_robot.py").write_text(MINE + DRIFT.replace("** POWER", "** 4"))
     code, _, error = morpholab(f"{further} --robot my_robot.py")
     assert code == 2 and f"robot: my_robot.py is not the robot of the run in a; {again}" in error
 
@@ -156,6 +160,22 @@ def test_modules_beside_a_users_file_are_its_own(morpholab, tmp_path, monkeypatc
         (tmp_path / folder / "mine.py").write_text(f"from cycles_of_mine import COUNT\n{mine}")
         assert find_robot(f"{folder}/mine.py")[0].build(f"{folder}/mine.py", {}).cycles == cycles
         assert sys.modules["cycles_of_mine"] is programs
+
+
+def test_functions_of_a_users_problem_import_the_modules_beside_it(tmp_path):
+    lines = (
+        "bounds = {'x': (0, 1)}",
+        "def evaluate(points):",
+        "    import slope_of_mine",
+        "    return slope_of_mine.of(points)",
+    )
+    problems = []
+    for folder, slope in (("a", 1.0), ("b", 2.0)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "slope_of_mine.py").write_text(f"def of(points):\n    return {slope} * points[:, 0]\n")
+        (tmp_path / folder / "problem.py").write_text("\n".join(lines))
+        problems.append(load_problem(tmp_path / folder / "problem.py"))
+    assert [problem.evaluate([[0.5]]).objectives[0, 0] for problem in (*problems, *problems)] == [0.5, 1.0, 0.5, 1.0]
 
 
 @pytest.mark.filterwarnings("ignore:model. ignored")
