@@ -6,7 +6,7 @@ import json
 import runpy
 import tempfile
 from collections.abc import Iterator, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -35,6 +35,8 @@ from taichi_sim.base.files import content_of, sha256, why_unread
 from taichi_sim.base.foreign import blamed, modules_beside, users_code
 from taichi_sim.base.short_text import counted
 
+CHECKS = ("check_mixtures", "check_gradients", "check_true_gradients")  # of a search, which some problems have
+TOLD = ("descriptors", "detail_names", "gradient_horizon")  # what some problems tell a search
 GIVEN = ("name", "unit", "gradient")  # what a file may say beside its function and bounds
 
 
@@ -69,6 +71,12 @@ class FileProblem(PlainProblem):
         """Have the abilities that not every problem has, if the file's has them."""
         if hasattr(self._problem, "evaluate_relaxed"):
             self.evaluate_relaxed = self._evaluate_relaxed
+        for name in CHECKS:
+            if hasattr(self._problem, name):
+                setattr(self, name, partial(self._check, name))
+        for name in TOLD:
+            if hasattr(self._problem, name):
+                setattr(self, name, getattr(self._problem, name))
         if has_minibatches(self._problem):
             self.in_minibatch, self.check_minibatch = self._in_minibatch, self._check_minibatch
 
@@ -89,6 +97,10 @@ class FileProblem(PlainProblem):
     def _evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
         with self._at_work():
             return self._problem.evaluate_relaxed(points, sharpness, gradients)  # type: ignore[attr-defined]
+
+    def _check(self, name: str) -> None:
+        with self._at_work():
+            getattr(self._problem, name)()
 
     def _in_minibatch(self, minibatch: Minibatch) -> "FileProblem":
         part = object.__new__(type(self))  # a copy would run the source again

@@ -181,8 +181,12 @@ def test_functions_of_a_users_problem_import_the_modules_beside_it(tmp_path):
 @pytest.mark.filterwarnings("ignore:model. ignored")
 def test_a_robot_without_gradients_leaves_no_folder(morpholab, tmp_path):
     (tmp_path / "crawler.xml").write_text(CRAWLER)
-    code, _, error = morpholab("codesign --robot crawler.xml --method gradient --out new --quiet")
-    assert code == 2 and "error: friction: 1 has no derivatives; give inf" in error and not (tmp_path / "new").exists()
+    lines = "from robots.articulated import load_robot", "from morpholab import RobotProblem"
+    (tmp_path / "crawling.py").write_text("\n".join([*lines, "problem = RobotProblem(load_robot('crawler.xml'))"]))
+    for given in ("--robot crawler.xml", "--problem crawling.py"):
+        code, _, error = morpholab(f"codesign {given} --method gradient --out new --quiet")
+        assert code == 2 and "error: friction: 1 has no derivatives; give inf" in error
+        assert not (tmp_path / "new").exists()
 
 
 @pytest.mark.kernels
