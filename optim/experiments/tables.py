@@ -4,6 +4,7 @@ import ast
 import csv
 import gzip
 import io
+import re
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -18,6 +19,8 @@ from taichi_sim.base.files import content_of, unzipped, write_bytes
 
 Record = Mapping[str, Any]
 MISSING = "–"
+_WHOLE, _DECIMAL = re.compile("-?(?:0|[1-9][0-9]{0,99})"), re.compile(r"-?[0-9]+\.[0-9]+(?:e[+-]?[0-9]+)?")
+_NAMED = {"True": True, "False": False, "None": None}
 
 
 def where(records: Iterable[Record], **values: Any) -> list[Record]:
@@ -95,6 +98,12 @@ def value_of(cell: str) -> Any:
     """The value that the text of a cell stands for: a number, a truth value, a list, None if empty, or the text."""
     if not cell:
         return None
+    if _WHOLE.fullmatch(cell):  # these are most cells, and take a tenth of the time so
+        return int(cell)
+    if _DECIMAL.fullmatch(cell):
+        return float(cell)
+    if cell.isidentifier():
+        return _NAMED.get(cell, cell)
     try:
         return ast.literal_eval(cell)
     except (ValueError, SyntaxError, RecursionError, MemoryError):  # the last two of what is nested too deep

@@ -5,6 +5,7 @@ What it is made of are friction of its feet, moduli and rest sizes of its region
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -109,7 +110,7 @@ class MaterialGenes:
         genes = [gene for part, each in self._bounds().items() if part in self.parts for gene in each]
         return [Variable(name, low, high, step=STEP * (high - low)) for name, low, high in genes]
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of variables."""
         return len(self.variables())

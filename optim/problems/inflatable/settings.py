@@ -231,7 +231,7 @@ class GaitSettings(RobotDesigning):
             return None
         return SpeedConvention(Counting(self.warm_up, self.stages), self.steps)
 
-    @property
+    @cached_property
     def shape(self) -> ShapeGenes:
         """Variables of orientation and the body's shape."""
         least = EMPTY_CORE if self.graded else 0.0
@@ -242,13 +242,13 @@ class GaitSettings(RobotDesigning):
         """Which of ``PARTS`` are free to change."""
         return (*(part for part, attribute in PARTS.items() if getattr(self, attribute) is None), *self.more)
 
-    @property
+    @cached_property
     def made_of(self) -> MaterialGenes:
         """Variables of what the robot is made of."""
         free = tuple(part for part in MATERIAL_PARTS if part in self.more)
         return MaterialGenes(free, self.body, self.actuation)
 
-    @property
+    @cached_property
     def laid(self) -> LayoutGenes:
         """Variables of which bladders there are."""
         return LayoutGenes(BLADDERS_PART in self.more, self.bladders)
