@@ -173,8 +173,7 @@ class Sizes:
         """
         for parameter, size in zip(self.parameters, sizes.tolist(), strict=True):
             checks.number(parameter.name, size, LEAST / BEYOND, MOST * BEYOND)
-        left = iter(sizes.tolist())
-        tree = self._scaled([next(left) if isinstance(size, Free) else size for size in self.given.values()])
+        tree = self._tree(sizes)
         if self.tree.fixed and any(
             not free.low <= size <= free.high for free, size in zip(self.free, sizes, strict=True)
         ):
@@ -201,8 +200,10 @@ class Sizes:
             named = ", ".join(f"{name}={size:g}" for name, size in self.settled(sizes).items())
             raise ValueError(f"{FIELD}: with {named} {str(error).partition(': ')[2]}") from None
 
-    def _scaled(self, sizes: Sequence[float]) -> Tree:
-        return scaled_tree(self.tree, [1.0 if number < 0 else sizes[number] for number in self.which])
+    def _tree(self, sizes: Floats) -> Tree:
+        left = iter(sizes.tolist())
+        each = [next(left) if isinstance(size, Free) else size for size in self.given.values()]
+        return scaled_tree(self.tree, [1.0 if number < 0 else each[number] for number in self.which])
 
     def settled(self, sizes: Floats) -> dict[str, Size]:
         """What is given, with these sizes, (K,), in place of the free ones."""
@@ -210,11 +211,14 @@ class Sizes:
         return {name: next(left) if isinstance(size, Free) else size for name, size in self.given.items()}
 
     def shifted(self, sizes: Floats, number: int) -> tuple[list[Tree], list[Tree], Floats]:
-        """Trees of robots, (B, K), of which one size is a little less, and a little more; and by how much, (B,)."""
+        """Trees of robots, (B, K), of which one size is a little less, and a little more; and by how much, (B,).
+
+        They are not looked at for a start in the ground, as sizes at a bound are moved beyond it.
+        """
         shifts = _SHIFT * sizes[:, number]
         by = np.zeros_like(sizes)
         by[:, number] = shifts
-        lower, upper = ([self.tree_of(each) for each in sizes + side * by] for side in (-1, 1))
+        lower, upper = ([self._tree(each) for each in sizes + side * by] for side in (-1, 1))
         return lower, upper, 2 * shifts
 
     def slopes(

@@ -222,6 +222,17 @@ def test_derivatives_by_sizes_are_central_differences(settings, world):
 
 
 @pytest.mark.kernels
+def test_derivatives_at_the_largest_size_that_a_fixed_robot_may_have():
+    """Its start is then just so deep as is allowed, 5 mm, and deeper with the sizes that differences are taken of."""
+    longest = 0.805 / 0.62 - 1e-9  # elbow 0.8 m high, fore arm 0.62 m long
+    robot = ArticulatedRobot(ARM, body_sizes={"fore": (0.5, longest)}, friction=math.inf, duration=0.1)
+    points = np.array([robot.start] * 2)
+    points[:, -1] = longest, longest - 1e-4
+    at_it, near_it = differentiate(robot, points, **HERE).gradient[:, -1]
+    assert at_it == pytest.approx(near_it, rel=0.01) and near_it != 0
+
+
+@pytest.mark.kernels
 def test_derivatives_are_of_each_robot_alone(monkeypatch):
     robot = crawler(duration=0.1)
     points = some_points(robot, 3)
