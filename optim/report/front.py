@@ -30,7 +30,7 @@ def _front(result: SearchResult, subject: Subject) -> Html:
     if len(labels) == 1:
         return paragraph("There is one objective, so the front is its best design.")
     if len(labels) > 3:
-        return paragraph(f"{count} designs, none of which another dominates in {len(labels)} objectives.")
+        return paragraph(f"{count} designs, of which none dominates another in {len(labels)} objectives.")
     best = int(np.argmax(result.scores))
 
     def draw(axes: Any) -> None:
@@ -39,7 +39,9 @@ def _front(result: SearchResult, subject: Subject) -> Html:
             add_bar(axes.figure, axes, shown, labels[2])
 
     alt = f"{count} designs of the front, by {' and '.join(labels)}"
-    caption = "Designs that no other dominates; the circle has the best mean."
+    caption = "Designs of which none dominates another; the circle has the best mean of them."
+    if result.score > result.scores[best]:
+        caption += " The best design of the run, with a better mean, is not among them."
     return charted(draw, alt, caption, size=SIZE, kind="narrow")
 
 

@@ -162,7 +162,7 @@ function drawKept(figure, run, kept) {
   }
   const above = axes[1].name ? `, upwards: ${axes[1].name}` : "";
   const shown = `${run.score.name} from ${digits(low)} (blue) to ${digits(high)} (yellow)`;
-  const what = elites ? "The best design of each kind" : "Designs that no other dominates";
+  const what = elites ? "The best design of each kind" : "Designs of which none dominates another";
   element("figcaption", figure, "", `${what}; ${shown}${above}. Press one to see it in motion.`);
 }
 

@@ -30,6 +30,8 @@ class NSGA2(PopulationSearch):
     A point is better if it lies in an earlier non-dominated front, or in the same and less crowded. Parents win
     binary tournaments; children come by simulated binary crossover and polynomial mutation in the unit cube, where
     angles wrap and whole numbers are rounded. Failures survive only where successes are too few.
+    The front is that of the last population: more than N points that nobody dominates are thinned out by crowding, so
+    that points evaluated before may dominate some of it, and the best point need not be in it.
     Defaults are those of Deb et al. 2002, section IV.
     (differs: a child that is a copy of a point has at least one variable mutated, and a mutated whole number changes
     by at least one, or evaluations would be wasted.)

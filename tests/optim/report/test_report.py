@@ -251,6 +251,34 @@ def test_fronts_and_elites(morpholab, reported, tmp_path):
     assert "The elites" in page.text and "elites by orientation and pressure" in str(page.all("svg"))
 
 
+TWO = """
+import numpy as np
+bounds = {"x": (0, 1), "y": (0, 1)}
+name = ["gain", "cost"]
+
+
+def evaluate(points):
+    x, y = points.T
+    return np.column_stack([x - 0.2 * y**2, -(x**2) - 0.3 * y**2])
+"""
+
+
+@pytest.mark.long
+def test_a_page_says_where_the_best_design_is_not_in_the_front(morpholab, reported, tmp_path):
+    """NSGA-II forgets it, as the front has more designs than the population."""
+    pytest.importorskip("pymoo")
+    (tmp_path / "two.py").write_text(TWO)
+    told = "The best design of the run, with a better mean, is not among them."
+    for method, forgets in (("nsga2", True), ("borg --set epsilons=1e-6", False)):
+        out = method[:4]
+        line = f"codesign --problem two.py --method {method} --population 8 --generations 40 --out {out}"
+        assert morpholab(line)[0] == 0
+        members = json.loads((tmp_path / out / "front.json").read_text())["designs"]
+        best = max(sum(member["objectives"]) / 2 for member in members)
+        page, document = reported(out)
+        assert (document["best"] > best) == forgets == (told in page.text)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("line", "message"),
