@@ -150,7 +150,9 @@ def row_impulse(robots: ti.template(), body):
 def row_tolerances(robots: ti.template(), body):
     """How far the impulse and the rate of a hinge's row may be from their bounds: beyond what rounding leaves of them.
 
-    No step passes a stop by more than a thousandth of the range. The studies' solver has one tolerance for all.
+    Of a motor's strength it is a small part, also where that is less than the tolerance, and of a hinge without a motor
+    only what rounding leaves. No step passes a stop by more than a thousandth of the range. The studies' solver has one
+    tolerance for all.
     """
     tolerance = setting(robots, slots.TOLERANCE)
     contact = read(robots, body + slots.CONTACT)
@@ -160,7 +162,8 @@ def row_tolerances(robots: ti.template(), body):
         needed = spatial.sum_of_sizes(row(robots, body + slots.COLUMN, 6), row(robots, body + slots.VELOCITY, 6))
         given = spatial.sum_of_sizes(row(robots, body + slots.SCREW, 6), row(robots, body + slots.IMPULSE, 6))
         size = needed + given + larger(contact, 0.0 - contact)
-        of_impulse = tolerance * (1.0 + ROUNDINGS * size)
+        strength = read(robots, body + slots.HIGH) - read(robots, body + slots.LOW)
+        of_impulse = tolerance * (smaller(1.0 + 0.0 * size, ROUNDINGS * strength) + ROUNDINGS * size)
         most = LARGEST_SLIP * (read(robots, body + slots.MOST_RATE) - read(robots, body + slots.LEAST_RATE))
         of_rate = tolerance + smaller(tolerance * ROUNDINGS * size * read(robots, body + slots.INVERSE), most)
     return of_impulse, of_rate

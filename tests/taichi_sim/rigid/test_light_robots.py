@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taichi_sim.rigid import Body, Box, Hinge, Motor, RigidEngine, Tree, World
+from taichi_sim.rigid import Body, Box, Hinge, Motor, RigidEngine, Sphere, Tree, World
 from taichi_sim.rigid import engine as engine_module
 
 pytestmark = pytest.mark.kernels
@@ -44,3 +44,42 @@ def test_robots_that_have_no_solution_in_single_precision_do_not_pass_as_solved(
     found = stand("f32", 60, time_step=0.01)
     lost = ~(found.position[:, 2] > 0.9 * HEIGHT)
     assert lost.any() and (found.status[lost] == "diverged").all()
+
+
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_light_arms_fall_as_heavy_ones_do(share, precision):
+    """Without a motor, and with one that bears half of their weight; in f32 those below 1 g stood still."""
+    masses, length, steps, time_step = (1.0, 1e-3, 1e-5, 1e-8), 0.01, 20, 1e-3
+
+    def arm(mass: float) -> Tree:
+        motor = Motor.velocity(5.0, share * 9.81 * mass * length) if share else None
+        bodies = [Body("base", (0, 0, 1), 1.0, [Box((0.01, 0.01, 0.01))])]
+        bodies.append(Body("arm", (length, 0, 1), mass, [Sphere(length / 4)]))
+        hinge = Hinge("base", "arm", (0, 0, 1), (0, 1, 0), motor, 0 if share else None)
+        return Tree(bodies, [hinge], fixed=True)
+
+    engine = RigidEngine([arm(mass) for mass in masses], World(time_step), precision=precision, threads=1)
+    done = engine.run(steps, commands=np.zeros((1, 1, 1)) if share else None, hold=steps)
+    first = (1 - share) * 9.81 / (length * (1 + 0.4 / 16)) * time_step**2 * steps * (steps + 1) / 2
+    assert np.ptp(done.angles) < 1e-5 * first and done.angles[0, 0] == pytest.approx(first, rel=0.02)
+    assert (done.residual == 0).all()
+
+
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_weak_motors_brake_no_faster_than_their_torque_allows(precision):
+    """In single precision those below 1e-7 N m s in a step turned any arm around at once."""
+    rate, torques, time_step, held = 5.0, (1.0, 1e-5, 1e-7, 1e-10), 1e-3, 10
+
+    def arm(torque: float) -> Tree:
+        inertia = 0.01 * torque * np.eye(3)  # so it changes its rate by 0.1 rad/s in a step
+        bodies = [Body(name, (0, 0, 1), 1e-3, [Box((0.01, 0.01, 0.01))], inertia) for name in ("base", "arm")]
+        motor = Motor.velocity(rate, torque)
+        return Tree(bodies, [Hinge("base", "arm", (0, 0, 1), (0, 1, 0), motor, 0)], fixed=True)
+
+    world = World(time_step, gravity=0.0)
+    commands = np.append(np.ones(10), -1.0)[None, :, None]
+    engine = RigidEngine([arm(torque) for torque in torques], world, precision=precision, threads=1)
+    done = engine.run(11 * held, commands=commands, hold=held)
+    assert done.velocities[:, 1, 1] == pytest.approx(rate - 0.1 * held, rel=1e-4)
+    assert (done.residual == 0).all()
