@@ -1,7 +1,7 @@
 """A run of a batch: its inputs, the robots' memory part by part, and the results that are read off it."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -13,7 +13,7 @@ from taichi_sim.base.compute import Compute
 from taichi_sim.ground.relief import GroundTables
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.kernels import gradient_kernel, rollout_kernel
-from taichi_sim.rigid.model.settings import World
+from taichi_sim.rigid.model.settings import EARTH, World
 from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.pose import momenta, poses, velocities
 from taichi_sim.rigid.state import Frames, RigidResult, State
@@ -21,6 +21,7 @@ from taichi_sim.runtime import GRAIN
 from taichi_sim.store import EVERY, Store
 
 Given = Mapping[str, Floats]
+WEIGHTS = 100.0  # 1/(N s), of what weight does in a step: a part of the tolerance, up to all of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +74,8 @@ class Run:
             slots.POSITION: given["position"],
             slots.ORIENTATION: given["orientation"],
             slots.LIGHT: given["lights"],
-            slots.SLIP_STRENGTH: _rows(self._slip_strengths(), robots),
+            slots.SLIP_STRENGTH: _rows(self._of_masses(self.world.slip_strength), robots),
+            slots.IMPULSE_TOLERANCE: _rows(self._of_masses(self._impulse_tolerance), robots),
             **{self.plan[section]: _rows(values, robots) for section, values in self.numbers.items()},
             self.plan[slots.WEIGHT]: given["weights"],
             self.plan[slots.COMMAND]: given["commands"],
@@ -103,10 +105,19 @@ class Run:
         """Bodies that may move: all but a base that is fixed to the world."""
         return slice(1 if self.trees[0].fixed else 0, None)
 
-    def _slip_strengths(self) -> Floats:
-        """Strength of the friction of points that hold, by trees."""
+    def _of_masses(self, law: Callable[[float], float]) -> Floats:
+        """What follows from the mass of all that moves of a robot, by trees."""
         masses = self.numbers[slots.PARAMETER][:, self.moving, slots.MASS]
-        return np.array([self.world.slip_strength(math.fsum(each)) for each in masses])
+        return np.array([law(math.fsum(each)) for each in masses])
+
+    def _impulse_tolerance(self, mass: float) -> float:
+        """How far impulses on points of a robot may be from their bounds [N s]: less, where it is so light.
+
+        The studies' solver has one tolerance for all.
+        """
+        tolerance = float(self.settings[slots.TOLERANCE])
+        light = self.world.integration == "momentum" and mass > 0
+        return tolerance * min(1.0, WEIGHTS * self.world.time_step * mass * EARTH) if light else tolerance
 
     def _carried(self, robots: Ints, given: Given) -> tuple[Floats, Floats, Floats]:
         """Arrays (B, bodies, ...): what bodies carry (momenta or velocities), their places and their velocities."""

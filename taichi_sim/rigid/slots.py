@@ -24,10 +24,10 @@ TOLERANCE, GRAVITY = range(10, 12)
 
 # The head of the memory: base position and orientation, the light, its smallest horizontal distance squared so far,
 # steps before divergence (negative: none), the worst unsolved residual; then factor, right-hand side and velocity; the
-# strength of the friction of points that hold, see ``World.slip_strength``.
+# strength of the friction of points that hold, see ``World.slip_strength``; how far impulses may be from their bounds.
 POSITION, ORIENTATION, LIGHT, POSE_WIDTH = 0, 3, 7, 7
 CLOSEST, DIVERGED, RESIDUAL = 10, 11, 12
-ROOT, ROOT_RIGHT, SLIP_STRENGTH, HEAD = 13, 34, 40, 41
+ROOT, ROOT_RIGHT, SLIP_STRENGTH, IMPULSE_TOLERANCE, HEAD = 13, 34, 40, 41, 42
 
 # Of a body. State: what it carries from step to step (angular, then linear), its own position, its hinge.
 CARRIED, OWN, ANGLE, MODES = 0, 6, 9, 10

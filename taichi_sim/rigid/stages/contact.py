@@ -192,7 +192,7 @@ def violations(robots: ti.template(), count, phase, late, active):
     A mark is 1, of robots on sand the violation, and 0 in robots that are not ``active``: these are left as they are.
     ``late`` is for batches with sand: so are robots on firm ground then, as they are alone.
     """
-    tolerance = setting(robots, slots.TOLERANCE)
+    tolerance, of_impulse = setting(robots, slots.TOLERANCE), read(robots, slots.IMPULSE_TOLERANCE)
     number = 0.0 * read(robots, 0)
     worst = number
     for n in range(count):
@@ -209,13 +209,13 @@ def violations(robots: ti.template(), count, phase, late, active):
             amount = sand.bounded_violation(robots, n, amount, impulse, short)
         if ti.static(not robots.drifting):
             amount = select(amount < sand.UNBOUNDED, amount, sand.UNBOUNDED)  # a NaN is the worst of all
-        wrong = (amount > tolerance) & (active > 0.5)
+        wrong = (amount > select(pushes, of_impulse, tolerance)) & (active > 0.5)
         mark = select(wrong, 1.0, 0.0 * amount)
         if ti.static(robots.granular):
             mark = sand.marked(robots, wrong, amount, late)
         write(robots, point + slots.EXCESS, mark)
         number = number + select(mark > 0.0, 1.0, 0.0)
-        worst = larger(amount, worst)
+        worst = larger(select(wrong, amount, 0.0 * amount), worst)
     return number, worst
 
 

@@ -295,9 +295,7 @@ def marked(robots: ti.template(), wrong, amount, late):
 def give_up_on_firm(robots: ti.template(), worst):
     """Note the largest violation of robots on firm ground whose pivots are used up; they have no more rounds alone."""
     on_firm = select(yield_per_depth(robots) < FIRM, 0.0 * worst, worst)
-    tolerance = setting(robots, slots.TOLERANCE)
-    left = select(on_firm > tolerance, on_firm, 0.0 * worst)
-    write(robots, slots.RESIDUAL, larger(left, read(robots, slots.RESIDUAL)))
+    write(robots, slots.RESIDUAL, larger(on_firm, read(robots, slots.RESIDUAL)))
 
 
 @ti.func

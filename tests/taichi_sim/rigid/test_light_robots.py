@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from taichi_sim.ground import Relief
 from taichi_sim.rigid import Body, Box, Hinge, Motor, RigidEngine, Sphere, Tree, World
 from taichi_sim.rigid import engine as engine_module
 
@@ -44,6 +45,22 @@ def test_robots_that_have_no_solution_in_single_precision_do_not_pass_as_solved(
     found = stand("f32", 60, time_step=0.01)
     lost = ~(found.position[:, 2] > 0.9 * HEIGHT)
     assert lost.any() and (found.status[lost] == "diverged").all()
+
+
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_light_boxes_topple_as_heavy_ones_do(precision):
+    """Boxes of 3 kg and 3 mg on firm ground and sand, of one shape, under gravity across; a hundredth of the size."""
+    for stress in (None, 1e7):
+        ground = stress and Relief(np.zeros((2, 2)), 1.0, (-0.5, -0.5), yield_per_depth=stress)
+        turned = []
+        for scale in (1.0, 0.01):
+            mass, slip = 3.0 * scale**3, 1e-4 * np.sqrt(scale) / (3.0 * scale**3 * 9.81)
+            box = Tree([Body("box", (0, 0, 0.15 * scale), mass, [Box((0.1 * scale, 0.1 * scale, 0.3 * scale))])])
+            world = World(1e-3 * np.sqrt(scale), gravity_across=(0.5 * 9.81, 0.0), slip=slip)
+            found = RigidEngine(box, world, ground=ground, precision=precision, threads=1).run(250)
+            assert found.status[0] == "ok" and found.residual[0] == 0
+            turned.append(2 * np.degrees(np.arccos(abs(found.orientation[0, 0]))))
+        assert turned[0] > 15 and turned[1] == pytest.approx(turned[0], abs=0.05)
 
 
 @pytest.mark.parametrize("precision", ["f32", "f64"])
