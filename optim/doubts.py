@@ -1,10 +1,11 @@
 """What of a trial is likely a mistake: ground that is never met, feet without friction, chaos, unsolved steps."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from optim.problem import Objective
 from optim.problems.robot_designing import RobotDesigning
 from robots.ground import AHEAD, Ground
 from robots.robot import Outcome, Robot, World
@@ -12,6 +13,7 @@ from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 
+SAME = 1e-9  # of a value: smaller differences are rounding
 FAR = 1.0  # lengths of the robot ahead of its front, from which on a search tells
 SMALL_CHANGE = 0.01  # of a parameter's range
 MANY_TIMES = 3.0  # what such a change does to a measure: a derivative that promises as much is worth a warning
@@ -41,6 +43,15 @@ def doubts_after(robot: Robot, world: World, outcome: Outcome) -> Iterator[str]:
 def _of_robot(robot: Robot, worlds: Iterable[World]) -> Iterator[str]:
     """What the robot itself doubts in these worlds, each line once."""
     yield from dict.fromkeys(doubt for world in worlds for doubt in robot.doubts_in(world))
+
+
+def constants_in(objectives: Sequence[Objective], values: Floats) -> Iterator[str]:
+    """A line for each objective that is the same in all first designs of a search, of values of shape (N, K)."""
+    for objective, column in zip(objectives, values.T, strict=True):
+        known = column[np.isfinite(column)]
+        if len(known) > 1 and np.ptp(known) <= SAME * abs(known[0]):
+            told = f"it is {objective.value(known[0])} in all {len(known)} designs that the search begins with"
+            yield f"objective: {objective.name} tells no design from another so far: {told}"
 
 
 def chaos_in(robot: Robot, points: Floats, world: World, outcome: Outcome, compute: Compute) -> Iterator[str]:

@@ -9,8 +9,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from optim.commands import FAILED, Report, options
 from optim.commands.codesign_plan import SEARCH_BY_GRADIENTS, SEARCH_OPTIONS, Plan, check_said_once, named_kinds, plan
 from optim.commands.codesign_seeds import check_single, note_new, search_each
@@ -18,7 +16,7 @@ from optim.commands.evaluation import WORKERS, opened_workers, settle_workers, w
 from optim.commands.options import QUIET, Command, flag, path_to
 from optim.commands.robots import TABLE_FILE
 from optim.commands.task_file import TASK, take_task
-from optim.doubts import doubts_before
+from optim.doubts import constants_in, doubts_before
 from optim.interrupts import stopped_by
 from optim.notes import note
 from optim.problem import Objective, judge, objectives_of
@@ -34,7 +32,6 @@ if TYPE_CHECKING:
     from optim.runs import Generation, RunFolder
     from robots.robot import Robot
 
-SAME = 1e-9  # of a value: smaller differences are rounding
 COMMAND = Command(
     "codesign",
     "design a robot",
@@ -159,11 +156,8 @@ def _noting_constants(evaluate: "Evaluate", objectives: Sequence[Objective]) -> 
         found = evaluate(request)
         if not looked:
             looked = True
-            for objective, values in zip(objectives, found.objectives.T, strict=True):
-                known = values[np.isfinite(values)]
-                if len(known) > 1 and np.ptp(known) <= SAME * abs(known[0]):
-                    told = f"it is {objective.value(known[0])} in all {len(known)} designs that the search begins with"
-                    note(f"objective: {objective.name} tells no design from another so far: {told}")
+            for doubt in constants_in(objectives, found.objectives):
+                note(doubt)
         return found
 
     return evaluate_and_note
