@@ -56,11 +56,15 @@ def check_single(args: argparse.Namespace) -> None:
 
 
 def note_new(args: argparse.Namespace) -> None:
-    """Say that a search begins anew where one was to be continued, since the folder's name may be mistyped.
+    """Say that a search begins anew where one was to be continued, or has one seed where many may be meant.
 
-    It is no error: scripts on clusters give --resume always, as a kill may come before the folder exists.
+    Neither is an error: the folder's name may be mistyped, but scripts on clusters give --resume always, as a kill may
+    come before the folder exists; and each of their jobs has a seed.
     """
-    if args.resume and not has_run(args.out) and not (args.seeds and run_of_any_seed(args.out)):
+    begun = has_run(args.out) or (args.seeds and run_of_any_seed(args.out))
+    if not begun and args.seeds and len(args.seeds) == 1 < (seed := args.seeds[0]) <= MOST_SEEDS:
+        note(f"seeds: this is seed {seed} alone; for {seed} searches give --seeds 0-{seed - 1}")
+    if args.resume and not begun:
         note(f"{args.out} holds no run to go on with; a new search begins there")
 
 

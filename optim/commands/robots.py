@@ -225,6 +225,8 @@ def named_source(text: str) -> Named:
     found = find_robot(text)
     if found is None and os.path.isdir(text):
         read_config(Path(text))  # which says what is missing
+    if found is None and (os.path.dirname(text) or Path(text).suffix):
+        raise ValueError(f"source: {text} is no file of a design, and no folder")
     if found is None:
         known = [name for kind in KINDS.builtin for name in (*KINDS[kind].designs, kind)]
         raise ValueError(f"source: {text!r} is no robot ({', '.join(known)}), no run and no file of a design")

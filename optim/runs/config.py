@@ -91,6 +91,12 @@ def write_config(folder: Path, config: Mapping[str, Any]) -> None:
         aside.write_text(f"{text}{SEAL}{files.sha256(text.encode())}\n")
 
 
+def _runs_in(folder: Path) -> str:
+    """Words about the runs in the folders of one that holds none itself; empty if there are none."""
+    names = sorted(path.parent.name for path in folder.glob(f"*/{CONFIG}"))
+    return f"; name one of those in it, such as {folder / names[0]}" if names else ""
+
+
 def read_config(folder: Path) -> dict[str, Any]:
     """Read the settings of the run in a folder.
 
@@ -100,7 +106,7 @@ def read_config(folder: Path) -> dict[str, Any]:
     path = folder / CONFIG
     if not path.exists():
         seed = run_of_any_seed(folder)
-        several = f"; it has runs of several seeds, name one, such as {seed}" if seed else ""
+        several = f"; it has runs of several seeds, name one, such as {seed}" if seed else _runs_in(folder)
         raise ValueError(f"{folder}: holds no run; its {CONFIG} is missing{several}")
     text = files.read_text(path)
     try:

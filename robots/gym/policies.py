@@ -1,5 +1,6 @@
 """Simple policies for the environments, and a function that plays episodes, for tests and baselines."""
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import gymnasium
@@ -73,10 +74,17 @@ class NeuronPolicy:
 
 
 def episode(
-    environment: gymnasium.Env[Any, Any], policy: Policy, seed: int = 0, options: dict[str, Any] | None = None
+    environment: gymnasium.Env[Any, Any],
+    policy: Policy | Callable[[Observation], Any],
+    seed: int = 0,
+    options: dict[str, Any] | None = None,
 ) -> tuple[float, dict[str, Any]]:
-    """Play one episode with a policy; return the sum of its rewards and the last ``info``."""
-    policy.reset()
+    """Play one episode with a policy; return the sum of its rewards and the last ``info``.
+
+    A policy may also be a plain function of the observation, which has nothing to reset.
+    """
+    if hasattr(policy, "reset"):
+        policy.reset()
     observation, info = environment.reset(seed=seed, options=options)
     gained, over = 0.0, False
     while not over:

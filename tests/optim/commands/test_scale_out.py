@@ -214,6 +214,20 @@ def test_each_seed_has_the_run_that_it_has_alone(rocket, morpholab):
     assert code == 2 and "out: alone holds a single run; name another folder for --seeds" in error
 
 
+def test_one_seed_where_many_may_be_meant_is_noted(rocket, morpholab):
+    search = f"codesign {SHORT} --out a --seeds"
+    code, _, error = morpholab(f"{search} 5")
+    assert code == 0 and "note: seeds: this is seed 5 alone; for 5 searches give --seeds 0-4\n" in error
+    assert "alone" not in morpholab(f"{search} 6")[2] + morpholab(f"{search.replace('out a', 'out b')} 5,6")[2]
+    Path("more").mkdir()
+    Path("a/seed-5").rename("more/mine")
+    code, _, error = morpholab("view more --out a.html")
+    assert (
+        code == 2
+        and "more: holds no run; its config.toml is missing; name one of those in it, such as more/mine" in error
+    )
+
+
 def test_runs_of_seeds_are_not_continued_as_one(rocket, morpholab):
     assert morpholab(f"codesign {SHORT} --seeds 0-1,4 --out a")[0] == 0
     for options in ("", SHORT):

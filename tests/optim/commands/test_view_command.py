@@ -237,7 +237,7 @@ BAD_INPUT = {
     "rolling --out a.html --colour strain": "colour: no file asked for takes it; give --picture, --strip, --gif or ",
     "rolling --strip a.png --seconds 5": "seconds: no file asked for takes it; give --gif or --mp4",
     "rolling --strip a.png --colour beams": "colour: beams is not allowed for a strip; give material, strain,",
-    "vehicle --picture a.png --at 9999": "at: 9999.0 is not allowed; give a number from 0 to ",
+    "vehicle --picture a.png --at 9999": "at: 9999 s is not allowed; vehicle 6553 moves for 500 s",
     "a b c d e --out a.html": "sources: 5 robots are not allowed; give up to 4",
     "nothing --out a.html": f"source: 'nothing' {NO_ROBOT}",
     "there.html --out a.html": "there.html: it is no file of a robot or a design",

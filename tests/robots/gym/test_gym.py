@@ -89,7 +89,10 @@ def test_episodes_repeat_by_their_seed(name):
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_a_random_policy_runs(name):
     environment = make(name)
-    gained, info = episode(environment, RandomPolicy(environment.action_space), seed=1)
+    policy = RandomPolicy(environment.action_space)
+    gained, info = episode(environment, policy, seed=1)
+    policy.reset()
+    assert episode(environment, lambda observation: policy(observation), seed=1)[0] == gained  # a plain function
     assert np.isfinite(gained) and not info["diverged"]
 
 

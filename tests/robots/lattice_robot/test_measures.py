@@ -238,6 +238,10 @@ def test_a_robot_that_goes_backwards_is_trusted_as_its_mirror_image_is():
     assert backwards.judgement.failed is forwards.judgement.failed
     steady = Trust(np.array([-0.0841]), {"0.5 of the friction": -0.0879, "half the time step": -0.0850})
     assert steady.kept > 1 and not steady.broken_by and not steady.judgement.failed
+    for way in (1, -1):
+        guess = Trust(way * np.array([0.02, 0.03, 0.04]), {"half the time step": way * 0.058, "ice": way * 0.09})
+        assert guess.unsettled_by == ("half the time step",) and not steady.unsettled_by
+        assert "; more than half as fast again with half the time step, so" in guess.judgement.text
 
 
 def squeezing(ratio, fixed=None, cycles=1, **fields):
