@@ -63,11 +63,8 @@ def check_strokes(table: GaitTable) -> None:
         if state and table.times[mine[0]] > table.times[mine[0] - 1]:
             mine = np.concatenate([[mine[0] - 1], mine])
         times, rows = table.times[mine], pressures[mine]
-        passed = (times - times[0])[:, None]
-        way, gone = rows[-1] - rows[0], rows - rows[0]
-        moved = np.abs(gone[1:]) / np.maximum(passed[1:], 1e-300)
-        rate = np.sign(way) * (moved.max(axis=0) if len(moved) else 0.0)
-        stroke = rows[0] + np.sign(way) * np.minimum(np.abs(rate * passed), np.abs(way))
+        way, passed = rows[-1] - rows[0], times - times[0]
+        stroke = rows[0] + np.sign(way) * np.minimum(np.outer(passed, _rates(rows, passed)), np.abs(way))
         wrong = np.argwhere(np.abs(rows - stroke) > _ON_STROKE)
         if len(wrong):
             row, line = (int(one) for one in wrong[0])
@@ -75,6 +72,24 @@ def check_strokes(table: GaitTable) -> None:
             value, unit = rows[row, line] / KPA_PER_UNIT[table.units], UNIT_SPELLING[table.units]
             found = f"{value:g} {unit} at {times[row]:g} s is beside the stroke of state {state}"
             raise ValueError(f"rig: 'ideal' plays strokes at one rate, but {name}: {found}; name a rig")
+
+
+def _rates(rows: Floats, passed: Floats) -> Floats:
+    """Rates [kPa/s] at which lines went to the last of rows, shape (N, L), by the last row on the way there.
+
+    Rows are rounded, which earlier ones tell more of than of the rate. A line with no row on its way is as fast as the
+    first row says.
+
+    Args:
+        rows: pressures [kPa].
+        passed: since the first [s], shape (N,).
+    """
+    if len(rows) == 1:
+        return np.zeros(rows.shape[1])
+    on_the_way = (np.abs(rows - rows[-1]) > _ON_STROKE)[1:]
+    last = np.where(on_the_way.any(axis=0), len(on_the_way) - on_the_way[::-1].argmax(axis=0), 1)
+    rates: Floats = np.abs(rows[last, np.arange(rows.shape[1])] - rows[0]) / passed[last]
+    return rates
 
 
 @dataclass(frozen=True)

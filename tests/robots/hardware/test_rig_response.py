@@ -134,6 +134,14 @@ def test_exported_rows_are_strokes(rate, tmp_path):
     check_strokes(read_csv(tmp_path / "gait.csv"))
 
 
+@pytest.mark.parametrize(("rate", "pressure"), [(100.0, 0.0), (200.0, 500.0), (50.0, 3.0)])
+def test_rounded_rows_that_follow_closely_are_strokes(rate, pressure, tmp_path):
+    """The first rows of a stroke hardly differ, so rounding of the pressures in psi shows in their rates."""
+    design = replace(INCHING, pressure=pressure)
+    export_csv(design, tmp_path / "gait.csv", units="psi", rate=rate)
+    check_strokes(read_csv(tmp_path / "gait.csv"))
+
+
 def test_rows_beside_a_stroke_are_no_strokes():
     table = gait_table(SHORT, rate=10.0)
     pressures = table.pressures.copy()
