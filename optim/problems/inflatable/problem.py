@@ -372,11 +372,13 @@ class GaitProblem(GaitPoints):
         return {f"speed_{terrain.name}": terrain.spoken for terrain in several}
 
     def logged(self, point: ArrayLike, best: float | None, details: Mapping[str, Any]) -> list[dict[str, float]]:
-        """Speed on each terrain, and the distance that it comes to [m]."""
+        """Speed on each terrain, and its distance [m], unless the slowest of several stages counts, which is a part."""
         design, rule = self.design(point), self.convention
         steps = rule.counted_of(design.schedule, self.actuation) if rule else self.counted_steps(design)
         metres = self.body.body_length * steps * self.body.time_step
         speeds = [details.get(f"speed_{terrain.name}") for terrain in self.terrains]
+        if self.stages > 1:
+            return [{} if v is None else {"speed": v} for v in speeds]
         return [{} if v is None else {"speed": v, "distance": float(v * metres)} for v in speeds]
 
     def command_options(self, folder: Path) -> dict[str, Any]:
