@@ -164,7 +164,7 @@ def _stepped(
         told(begin + (finish - begin) * count / _STEPS, f"all: {listed(misfit.names, misfit.properties(there))}")
         if np.isfinite(alone.predictions).all():
             seen.append((there, alone))
-        scatter = np.sqrt(8 * at.residuals @ at.scatter @ at.residuals / REPLICAS)
+        scatter = np.sqrt(np.maximum(8 * at.residuals @ at.scatter @ at.residuals / REPLICAS, 0.0))
         is_better = (alone.residuals**2).sum() <= (at.residuals**2).sum() + scatter
         if is_better:
             point, here = there, alone

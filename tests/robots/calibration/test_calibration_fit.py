@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import warnings
 
 import numpy as np
 import pytest
@@ -203,3 +204,16 @@ def test_scatter_that_is_common_to_all_points_is_no_smaller_for_many():
     found = uncertainty(straight(count, 1.0, scatter=0.25), given(count), everywhere)
     assert found.errors[0] ** 2 == pytest.approx(0.25 * (1 + 1 / REPLICAS) + 1 / count, rel=0.02)
     assert found.chaos[0] > 0.98 and found.chaos[1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_rounding_of_drags_without_scatter_leaves_no_warning():
+    """Eight equal replicas scatter by rounding alone, of which the sum of squares may come out below 0."""
+    rng, at, feet = np.random.default_rng(1157), np.linspace(7.5e-3 / 8, 7.5e-3, 8), []
+    true = Properties(1.3, 0.15, 350e3, 2.0)
+    for grips in (True, False):
+        values = Drag(at, np.zeros(8), 0.5, grips).predict([Trial(true)], BENCH)[0]
+        deviation = 0.02 * values.max()
+        feet.append(Drag(at, values + rng.normal(0, deviation, 8), 0.5, grips, np.full(8, deviation / 3)))
+    with warnings.catch_warnings(action="error"):
+        found = calibrate(feet, Laboratory(), ("friction", "low_friction"))
+    assert found.after.friction == pytest.approx(1.3, rel=0.02)
