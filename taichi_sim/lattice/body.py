@@ -17,6 +17,8 @@ from taichi_sim.lattice.topology import Topology, build_topology
 
 LINK_LAWS = USUAL_LINKS, BALANCED, PUBLISHED = "alike", "balanced", "published"
 
+MOST_LABELS = 100_000  # of regions and chambers, which may be more than voxels: memory is taken for each
+
 
 def _frozen(array: object, dtype: type, name: str, shape: tuple[int, ...]) -> np.ndarray:
     """A read-only copy of the given shape (-1 is any), or a one-line ValueError."""
@@ -99,8 +101,9 @@ class LatticeBody(ShortText):
         if self.material_index.min() < 0 or self.material_index.max() >= len(self.materials):
             raise ValueError(f"material_index: must lie in 0..{len(self.materials) - 1}")
         for name in ("regions", "chambers"):
-            if getattr(self, name).min() < 0:
-                raise ValueError(f"{name}: negative labels are not allowed")
+            labels, most = getattr(self, name), max(count, MOST_LABELS) - 1
+            for wrong in labels[(labels < 0) | (labels > most)][:1]:
+                raise ValueError(f"{name}: label {wrong} is not allowed; give 0 to {most}")
         if np.abs(self.pressure_normals).max(initial=0) > 1:  # type: ignore[arg-type]
             raise ValueError("pressure_normals: entries must be -1, 0 or 1")
         self._check_cut_links()

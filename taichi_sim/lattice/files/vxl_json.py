@@ -168,9 +168,7 @@ def _own(record: Any, regions: Ints) -> dict[str, Any]:
     known_names(record, "regions", "cutLinks", "pressureNormals", "chambers", "links")
     if "regions" in record:
         regions = _whole(record["regions"], "regions")
-        _check_labels("regions", regions)
     chambers = _whole(record.get("chambers", [0] * len(regions)), "chambers")
-    _check_labels("chambers", chambers)
     links_law = choice("links", record.get("links", USUAL_LINKS), LINK_LAWS)
     links = record.get("cutLinks", [])
     normals = record.get("pressureNormals", [[0, 0, 0]] * len(regions))
@@ -184,13 +182,6 @@ def _own(record: Any, regions: Ints) -> dict[str, Any]:
         }
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{_OWN}: cutLinks or pressureNormals are damaged") from None
-
-
-def _check_labels(name: str, labels: Ints) -> None:
-    """Refuse labels beyond the voxels: they are counted, and memory is taken for each."""
-    if labels.min(initial=0) < 0 or labels.max(initial=0) >= max(len(labels), 1):
-        found = labels.min() if labels.min() < 0 else labels.max()
-        raise ValueError(f"{name}: label {found} is not allowed; give 0 to {len(labels) - 1}")
 
 
 def _material(record: Mapping[str, Any], number: int, ignored: list[str]) -> tuple[Material, list[int]]:

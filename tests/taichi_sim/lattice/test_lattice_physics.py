@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Quantity
+from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeState, Material, ProgramBuilder, Quantity
 
 pytestmark = pytest.mark.kernels
 
@@ -146,6 +146,33 @@ def test_prescribed_motion_of_fixed_voxels():
     positions = engine.state().positions[0]
     assert positions[0] == pytest.approx([0, 0.02, 0], abs=1e-12)
     assert positions[3] == pytest.approx([0, 0.05, 0], abs=1e-6)
+
+
+def test_a_bar_that_is_held_in_a_plane_turns_right_round():
+    """As the free bar does, though it swings, so that voxels pass half a turn one by one; a driven end is followed, too."""
+    fixed = np.zeros((4, 6), bool)
+    fixed[:, [1, 3, 5]] = True
+    ends, begun = [], 3.0  # rad
+    for held in (fixed, None):
+        engine = LatticeEngine(block(Material(1e6, 1000), 4, 1, 1, fixed=held))
+        away = np.array([np.cos(begun), 0.0, -np.sin(begun)]) * np.linspace(-0.015, 0.015, 4)[:, None]
+        swing = np.array([np.sin(begun), 0.0, np.cos(begun)]) * np.array([2.0, -2.0, -2.0, 2.0])[:, None]
+        turned = np.tile([np.cos(begun / 2), 0.0, np.sin(begun / 2), 0.0], (1, 4, 1))
+        spin = np.tile([0.0, 40.0, 0.0], (1, 4, 1))
+        engine.set_state(LatticeState(away[None], turned, (np.cross(spin[0], away) + swing)[None], spin))
+        run(engine, round(1.5 * 2 * np.pi / 40 / engine.time_step), (Quantity.SCALE, 1.0))
+        ends.append(engine.state().positions[0])
+    assert ends[0] == pytest.approx(ends[1], abs=1e-9)
+
+    fixed = np.zeros((4, 6), bool)
+    fixed[0] = True
+    engine = LatticeEngine(block(Material(1e6, 1000), 4, 1, 1, fixed=fixed, regions=np.arange(4) > 0))
+    turn = np.pi * 1.5
+    builder = ProgramBuilder(1)
+    builder.set(Quantity.ROTATION + 2, 0.0, rate=turn / 9000, regions=[0])
+    builder.set(Quantity.ROTATION + 2, turn, step=9000, regions=[0])
+    engine.run(builder.build(40_000))
+    assert engine.state().positions[0, 3] == pytest.approx([0, -0.03, 0], abs=1e-6)
 
 
 def test_pressure_balances_the_stretch_of_a_box():

@@ -359,10 +359,15 @@ def test_the_law_of_links_is_kept():
         read_vxl_json(text.replace('"links": "published"', '"links": 1'))
 
 
+def test_regions_are_kept_though_there_are_fewer_voxels_than_labels():
+    body = LatticeBody(np.array([[0, 0, 0], [1, 0, 0]]), (Material(1e5, 1e3),), [0, 0], 0.1, regions=[0, 24])
+    assert read_vxl_json(write_vxl_json(VoxelFile.of_body(body))).body.regions.tolist() == [0, 24]
+
+
 def test_chambers_are_kept_whatever_their_labels():
     body = LatticeBody(np.array([[0, 0, 0], [1, 0, 0]]), (Material(1e5, 1e3),), [0, 0], 0.1, chambers=[1, 7])
     assert read_vxl_json(write_vxl_json(VoxelFile.of_body(body))).body.chambers.tolist() == [0, 1]
-    with pytest.raises(ValueError, match=r"^chambers: negative labels are not allowed"):
+    with pytest.raises(ValueError, match=r"^chambers: label -1 is not allowed; give 0 to 99999"):
         LatticeBody(np.array([[0, 0, 0]]), (Material(1e5, 1e3),), [0], 0.1, chambers=[-1])
 
 
@@ -388,7 +393,7 @@ def test_chambers_are_kept_whatever_their_labels():
         (vxl(ROWS, morpholab={"regions": [0, 1, 2, 3, 4, 2**40]}), "regions: it is no list of whole numbers"),
         (vxl(ROWS, morpholab={"regions": [0, 1, 2, 3, 4, 10**6]}), "regions: label 1000000 is not allowed"),
         (vxl(ROWS, morpholab={"chambers": [0, 1, 2, 3, 4, 10**6]}), "chambers: label 1000000 is not allowed"),
-        (vxl(ROWS, morpholab={"chambers": [0, 0, -1, 0, 0, 0]}), "chambers: label -1 is not allowed; give 0 to 5"),
+        (vxl(ROWS, morpholab={"chambers": [0, 0, -1, 0, 0, 0]}), "chambers: label -1 is not allowed; give 0 to 99999"),
         (vxl(ROWS, morpholab={"chambers": [0, 1]}), "chambers: "),
         (vxl(ROWS, morpholab={"cutLinks": [[0, 5]]}), "cut_links: (0, 5) are not neighbouring voxels"),
         (vxl(ROWS, morpholab={"cutLinks": [[0]]}), "morpholab: cutLinks or pressureNormals are damaged"),
