@@ -2,8 +2,9 @@
 
 A table has the form of a gait table, with a state for each straight piece of a wave: the prefix brings vented lines to
 where the cycle begins and plays it once, the main is one cycle, to be looped, and the suffix vents the lines. Channels
-are on the lines of bladders, in their order; lines without a channel stay vented. Delays of valves shift all of a wave
-alike, so no state waits for them; where they are not alike, lines play out of phase, which is warned of.
+are on lines of their names, or on those of bladders in order (``own_lines.lines_of``); lines without a channel stay
+vented. Delays of valves shift all of a wave alike, so no state waits for them; where they are not alike, lines play out
+of phase, which is warned of.
 """
 
 import json
@@ -18,6 +19,7 @@ import numpy as np
 
 from robots.hardware.headroom import RigReport, uses_of
 from robots.hardware.lines import channel_lines
+from robots.hardware.own_lines import lines_of
 from robots.hardware.rig import PneumaticRig
 from robots.hardware.rig_table import CHANNELS_SCHEMA as SCHEMA
 from robots.hardware.rig_table import (
@@ -118,9 +120,10 @@ class ChannelTable(RigTable):
         times, states, pressures, units, rig, rate, clipped, timing: see ``RigTable``.
         robot: name of the robot.
         rhythm: requested timing of the waves; rows are slower where limits of rate were kept.
-        waves: requested waves, in the order of their lines; in a table that was read, what its rows play.
+        waves: requested waves, in the order of channels; in a table that was read, what its rows play.
         seed: seed of the search that found the robot; None if not known.
         own_names: of the lines, if the rig names them itself; else empty.
+        played_by: names of the lines that play the waves, in their order.
     """
 
     times: Floats
@@ -136,6 +139,7 @@ class ChannelTable(RigTable):
     clipped: tuple[str, ...] = ()
     timing: tuple[State, ...] = ()
     own_names: tuple[str, ...] = ()
+    played_by: tuple[str, ...] = ()
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -156,7 +160,7 @@ class ChannelTable(RigTable):
         """Header of the table's file: the rhythm, and the channel and calibration of each line."""
         lines = [
             {"line": line, "channel": wave.name, **asdict(wave.calibration), **wave.about}
-            for line, wave in zip(channel_lines(self.own_names), self.waves, strict=False)
+            for line, wave in zip(self.played_by, self.waves, strict=True)
         ]
         return [
             ("schema", SCHEMA),
@@ -189,10 +193,10 @@ class ChannelTable(RigTable):
         else:
             moments = np.arange(self.columns) / self.columns * times[-1]
             nodes = np.column_stack([np.interp(moments, times, line) for line in kpa.T])
-        places = map(self.channels.index, channel_lines(self.own_names))
+        places = map(self.channels.index, self.played_by)
         return tuple(
             replace(wave, values=wave.calibration.values(nodes[:, place]))
-            for place, wave in zip(places, self.waves, strict=False)
+            for place, wave in zip(places, self.waves, strict=True)
         )
 
 
@@ -235,7 +239,8 @@ def channel_table(
     line = timeline(commands, quick, rate)
     told, pressures = tuple(map(str, found)), line.pressures / KPA_PER_UNIT[units]
     table = ChannelTable(line.times, line.numbers, pressures, units, robot, rhythm, tuple(waves), seed, rig.name, rate)
-    table = replace(table, clipped=told, timing=line.states, own_names=rig.own_names)
+    lines = tuple(each.name for each in lines_of([wave.name for wave in waves], rig.channel_lines))
+    table = replace(table, clipped=told, timing=line.states, own_names=rig.own_names, played_by=lines)
     if late := _out_of_phase(table, rig):
         warnings.warn(late, stacklevel=2)
     return table
@@ -311,24 +316,29 @@ def _read(lines: Sequence[str]) -> ChannelTable:
             number("settling", float(header["settling"]), 0.0),
             whole_number("nodes", int(header["nodes"]), 1),
         )
-        waves = [_wave(parse_json(value), rhythm.nodes) for name, value in content.pairs if name == "channel"]
+        records = [parse_json(value) for name, value in content.pairs if name == "channel"]
+        played_by = tuple(record.pop("line") for record in records)
+        waves = [_wave(record, rhythm.nodes) for record in records]
         seed, rate, rig = seed_of(header["seed"]), rate_of(header["rate_hz"]), header["rig"]
         robot = str(parse_json(header["robot"]))
     except KeyError as missing:
         raise ValueError(f"{missing.args[0]} is missing in the header") from None
     except (ValueError, TypeError, AttributeError) as error:
         raise ValueError(f"header is damaged ({error})") from None
-    if not 0 < len(waves) <= len(channel_lines(content.own_names)):
+    known = channel_lines(content.own_names)
+    if not 0 < len(waves) <= len(known):
         raise ValueError(f"header is damaged ({len(waves)} channels)")
+    for place, line in enumerate(played_by):
+        if line not in known or line in played_by[:place]:
+            raise ValueError(f"header is damaged (channel {waves[place].name} on line {line!r})")
     times, states, pressures = content.rows(rhythm.nodes)
     table = ChannelTable(times, states, pressures, content.units, robot, rhythm, tuple(waves), seed, rig, rate)
-    table = replace(table, clipped=content.clipped, own_names=content.own_names)
+    table = replace(table, clipped=content.clipped, own_names=content.own_names, played_by=played_by)
     return replace(table, waves=table.played())
 
 
 def _wave(record: dict[str, Any], nodes: int) -> Wave:
     told = dict(record)
-    del told["line"]
     name, calibration = told.pop("channel"), Calibration(**{field: told.pop(field) for field in _CALIBRATION})
     return Wave(str(name), np.zeros(nodes), calibration, told)
 
@@ -357,7 +367,7 @@ def _commands(waves: Sequence[Wave], rhythm: Rhythm, rig: PneumaticRig, keep_sle
         raise ValueError(f"rig: {rig.cores} lines for cores are not allowed for channels; give a rig with one")
     ring = np.zeros((rhythm.nodes, len(rig.channels)))
     whole = np.full(len(rig.channels), np.inf)  # change of pressure of a whole stroke, of lines that change
-    for line, wave in zip(rig.channel_lines, waves, strict=False):
+    for line, wave in zip(lines_of([wave.name for wave in waves], rig.channel_lines), waves, strict=True):
         ring[:, line.place] = wave.calibration.kpa(wave.values)
         whole[line.place] = abs(line.on_kpa - line.off_kpa)
     if keep_slew:

@@ -1,5 +1,6 @@
 """Lines that a rig names itself, such as six valves on a bench, which drive the channels of robots of one's own."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
@@ -22,6 +23,45 @@ class ChannelLine(NamedTuple):
     name: str
     off_kpa: float
     on_kpa: float
+
+
+def misplaced(channels: Sequence[str], lines: Sequence[ChannelLine]) -> str:
+    """Why channels cannot be on lines in order: one has the name of another line, and not all have one; else empty."""
+    named = _named(channels, lines)
+    if None not in named and len(set(named)) == len(named):
+        return ""
+    nameless = [channel for channel, own in zip(channels, named, strict=True) if own is None]
+    why = f"{nameless[0]} has no line of its name" if nameless else "two channels have names of one line"
+    for channel, own, line in zip(channels, named, lines, strict=False):
+        if own is not None and own != line:
+            told = f"{channel} would be on the line {line.name} by order, though there is a line {own.name}, as {why}"
+            return f"{told}; rename channels or lines so that each channel has one, or bring both into the same order"
+    return ""
+
+
+def lines_of(channels: Sequence[str], lines: Sequence[ChannelLine]) -> tuple[ChannelLine, ...]:
+    """The line that each channel is on: that of its name if all channels have names of lines, else in order.
+
+    A blank, or what else no line has in its name, is ``_``: the channel ``legs 1`` is on the line ``legs_1``.
+
+    Args:
+        channels: names of a robot's channels, at most as many as lines.
+        lines: those of a rig that take channels.
+
+    Raises:
+        ValueError: if a channel has the name of another line than that which it would be on.
+    """
+    if why := misplaced(channels, lines):
+        raise ValueError(f"channels: {why}")
+    named = _named(channels, lines)
+    found = [line for line in named if line is not None]
+    return tuple(found if len(found) == len(named) else lines[: len(named)])
+
+
+def _named(channels: Sequence[str], lines: Sequence[ChannelLine]) -> list[ChannelLine | None]:
+    """The line with the name of each channel; None where there is none."""
+    by_name = {line.name: line for line in lines}
+    return [by_name.get(re.sub(r"[^A-Za-z0-9]", "_", channel)) for channel in channels]
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robots.hardware.channel_table import Calibration, ChannelTable, Rhythm, Wave, too_few_lines
+from robots.hardware.own_lines import lines_of, misplaced
 from robots.hardware.rig import PneumaticRig
 from robots.lattice_robot.channels import Channel, channels_of
 from robots.lattice_robot.drive import UNITS, Drive
@@ -40,9 +41,9 @@ def unplayed(robot: "LatticeRobot", rig: PneumaticRig | None = None) -> str:
     other = [f"{drive.name} ({drive.quantity})" for drive in robot.drives if drive.quantity not in PLAYED]
     if other:
         return f"no line plays {', '.join(other)}; it takes drives of {', '.join(PLAYED)}"
-    count = len(channels_of(robot))
-    why = too_few_lines(count, rig or PneumaticRig())
-    return f"{count} channels are not allowed; {why}" if why else ""
+    rig, names = rig or PneumaticRig(), [channel.name for channel in channels_of(robot)]
+    why = too_few_lines(len(names), rig)
+    return f"{len(names)} channels are not allowed; {why}" if why else misplaced(names, rig.channel_lines)
 
 
 def waves_of(robot: "LatticeRobot", rig: PneumaticRig, full_scale: FullScale | None = None) -> list[Wave]:
@@ -64,7 +65,8 @@ def waves_of(robot: "LatticeRobot", rig: PneumaticRig, full_scale: FullScale | N
         why = f"it would be of {told}; leave it out" if scaled else "pressures are played as they are; leave it out"
         raise ValueError(f"full-scale: {full_scale!r} is not allowed, as {why}")
     found = []
-    for channel, line in zip(channels, rig.channel_lines, strict=False):
+    lines = lines_of([channel.name for channel in channels], rig.channel_lines)
+    for channel, line in zip(channels, lines, strict=True):
         calibration = _calibration(channel, channels, line.off_kpa, line.on_kpa, full_scale)
         fields = ("drive", "quantity", "axes", "regions", "rest", "relative")
         about: dict[str, Any] = {name: getattr(channel, name) for name in fields}

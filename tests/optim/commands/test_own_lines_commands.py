@@ -48,6 +48,26 @@ def test_a_table_for_six_valves_is_written_and_moves_the_robot_as_designed(morph
     assert code == 0 and Path("s.csv").read_text().splitlines()[0].endswith(",v1,v2,v3,v4,v5,v6")
 
 
+@pytest.mark.kernels
+def test_channels_with_names_of_lines_are_not_swapped(morpholab, folder):
+    six = (folder / "six-valves.toml").read_text()
+    (folder / "named.toml").write_text(six.replace('"v1", "v2", "v3"', '"front", "back", "v3"'))
+    (folder / "half.toml").write_text(six.replace('"v1", "v2", "v3"', '"front", "v2", "v3"'))
+    line = "export block.json --full-scale 0.8:1.2"
+    assert morpholab(f"{line} --rig named.toml --csv a.csv --plain a.txt --c-header a.h --plot a.png")[0] == 0
+    columns = dict(zip(read_channels("a.csv").channels, read_channels("a.csv").pressures.T, strict=True))
+    assert (columns["back"].max(), columns["front"].max()) == pytest.approx((30, 35))
+    assert np.loadtxt("a.txt", delimiter=",")[:, 1:3].max(axis=0) == pytest.approx([35, 30])
+    quick = "--threads 1 --quiet --json"
+    runs = [f"simulate --robot block.json {quick}{more}" for more in ("", " --channels a.csv")]
+    designed, played = (json.loads(morpholab(line)[1]) for line in runs)
+    assert played["distance"] == pytest.approx(designed["distance"], rel=1e-4)
+    code, _, error = morpholab(f"{line} --rig half.toml --csv b.csv")
+    assert code == 2 and error.count("\n") == 1 and not (folder / "b.csv").exists()
+    told = "drives: front would be on the line v2 by order, though there is a line front, as back has no line"
+    assert f"error: {told}" in error
+
+
 def test_tables_for_six_valves_in_other_units_and_forms(morpholab, folder):
     line = "export block.json --rig six-valves.toml --full-scale 0.8:1.2"
     assert morpholab(f"{line} --csv psi.csv --units psi --rate 50")[0] == 0

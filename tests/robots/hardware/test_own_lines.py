@@ -1,5 +1,6 @@
 """Rigs whose files name their own lines: files, tables of channels, and what refuses them."""
 
+import hashlib
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -174,6 +175,64 @@ def test_more_channels_than_lines_are_refused_with_both_numbers(rig):
         channel_table("robot", [], RHYTHM, rig)
 
 
+def named_waves(rig, *names):
+    return [replace(wave, name=name) for name, wave in zip(names, waves(rig, len(names)), strict=True)]
+
+
+def test_channels_with_names_of_lines_are_on_these(rig, tmp_path):
+    lines = replace(rig.lines, names=("front", "back", "left_leg", "v4", "v5", "v6"), on_kpa=(40, 30, 20, 40, 40, 30))
+    own = replace(rig, lines=lines)
+    given = [replace(wave, calibration=replace(wave.calibration, high_kpa=20.0)) for wave in waves(own, 3)]
+    given = [replace(wave, name=name) for wave, name in zip(given, ("left leg", "back", "front"), strict=True)]
+    table = channel_table("robot", given, RHYTHM, own)
+    ordered = channel_table("robot", [given[2], given[1], given[0]], RHYTHM, own)
+    assert table.pressures.tolist() == ordered.pressures.tolist() and table.pressures[:, :3].any(axis=0).all()
+    write_csv(table, tmp_path / "a.csv")
+    read = read_channels(tmp_path / "a.csv")
+    assert read.played_by == ("left_leg", "back", "front")
+    for wave, asked in zip(read.waves, given, strict=True):
+        assert (wave.name, wave.values.tolist()) == (asked.name, pytest.approx(asked.values.tolist()))
+    alone = channel_table("robot", [replace(given[0], name="back")], RHYTHM, own)
+    assert alone.pressures.any(axis=0).tolist() == [False, True, False, False, False, False]
+
+
+@pytest.mark.parametrize(
+    ("names", "told"),
+    [
+        (("v2", "legs"), "v2 would be on the line v1 by order, though there is a line v2, as legs has no line of its"),
+        (("legs", "v6", "v3"), "v6 would be on the line v2 by order, though there is a line v6, as legs has no line"),
+        (("v2", "v2"), "v2 would be on the line v1 by order, .*, as two channels have names of one line; rename"),
+    ],
+)
+def test_channels_that_would_be_on_lines_of_other_names_are_refused(rig, names, told):
+    with pytest.raises(ValueError, match=rf"^channels: {told}[^\n]* or bring both into the same order$"):
+        channel_table("robot", named_waves(rig, *names), RHYTHM, rig)
+    with pytest.raises(ValueError, match=rf"^channels: {told}"):
+        channel_report(named_waves(rig, *names), RHYTHM, rig)
+
+
+def test_channels_of_other_names_stay_in_order(rig):
+    for names in (("legs", "arms", "v3"), ("v1", "legs", "arms"), ("V2", "v 1", "front")):
+        table = channel_table("robot", named_waves(rig, *names), RHYTHM, rig)
+        assert table.played_by == ("v1", "v2", "v3")
+    usual = channel_table("robot", named_waves(PneumaticRig(), "a", "bladder2"), replace(RHYTHM, frequency=0.1))
+    assert usual.played_by == ("bladder1", "bladder2")
+
+
+def test_a_table_keeps_the_lines_of_its_header(rig, tmp_path):
+    """Tables of earlier versions have channels on lines in order, whatever both are called."""
+    write_csv(channel_table("robot", named_waves(rig, "a", "b"), RHYTHM, rig), tmp_path / "a.csv")
+    text = (tmp_path / "a.csv").read_text().replace('"channel": "a"', '"channel": "v2"')
+    lines = [line for line in text.splitlines() if not line.startswith("# checksum=")]
+    lines.insert(1, f"# checksum={hashlib.sha256(chr(10).join(lines).encode()).hexdigest()}")
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    read = read_channels(tmp_path / "a.csv")
+    assert [(wave.name, line) for wave, line in zip(read.waves, read.played_by, strict=True)] == [
+        ("v2", "v1"),
+        ("b", "v2"),
+    ]
+
+
 def test_gaits_of_the_inflatable_robot_refuse_a_rig_of_own_lines(rig):
     told = (
         "^rig: six-valves has lines of its own, v1 and on; a gait of the inflatable robot needs core, bladders and feet"
@@ -212,6 +271,8 @@ def test_a_table_is_played_by_a_rig_with_its_lines(rig, tmp_path):
         ("v6_kPa", "v7_kPa", "column v6_kPa is missing"),
         ("# lines=v1", "# lines=core", "column core_kPa is missing"),
         ("channels-1", "gait-2", "column core_kPa is missing"),
+        ('"line": "v2"', '"line": "v1"', r"header is damaged \(channel channel 1 on line 'v1'\)"),
+        ('"line": "v2"', '"line": "v9"', r"header is damaged \(channel channel 1 on line 'v9'\)"),
     ],
 )
 def test_a_damaged_table_of_own_lines_is_refused(rig, tmp_path, old, new, message):
