@@ -41,13 +41,14 @@ from robots.hardware.units import (
     refused,
 )
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import NotNegative, Positive, check_fields, choice, number, whole_number
+from taichi_sim.base.checks import Positive, check_fields, choice, number, whole_number
 from taichi_sim.base.files import read_text, write_text
 from taichi_sim.base.parsing import parse_toml
 from taichi_sim.base.short_text import ShortText
 
 Described = TypeVar("Described", "Channel", LineMap)
 LONGEST_LAG = 3600.0  # [s]
+LONGEST_DELAY = 10.0  # of a valve [s]; more is one in milliseconds
 ROUNDING = 1e-9  # of a limit, as part of it: what is exactly at a limit survives rounding
 MOST_CORES = 7  # lines for cores: as many as the published pouch has room for
 
@@ -62,7 +63,7 @@ class Channel:
         minimum_kpa: lowest pressure allowed [kPa], at most 0, as lines start vented.
         maximum_kpa: highest pressure allowed [kPa], at least 0.
         slew_kpa_per_s: fastest change of pressure allowed [kPa/s].
-        valve_delay_s: time from the command until the pressure begins to change [s].
+        valve_delay_s: time from the command until the pressure begins to change [s], at most ``LONGEST_DELAY``.
         lag_s: time constant with which the bladder behind the line follows it, as a first-order system [s]; 0 is none.
             Tables are made without it; ``simulate --table`` plays them with it.
         resolution_kpa: steps in which its regulator takes commands [kPa]; 0 is none. Tables are made without it, too.
@@ -76,7 +77,7 @@ class Channel:
     minimum_kpa: Pressure
     maximum_kpa: Pressure
     slew_kpa_per_s: PositivePressure
-    valve_delay_s: NotNegative = 0.0
+    valve_delay_s: Annotated[float, partial(number, low=0.0, high=LONGEST_DELAY, unit="s")] = 0.0
     lag_s: Annotated[float, partial(number, low=0.0, high=LONGEST_LAG, unit="s")] = 0.0
     resolution_kpa: NotNegativePressure = 0.0
 

@@ -128,9 +128,10 @@ def test_a_rig_file_may_be_in_psi(tmp_path):
             "core: slew_kpa_per_s: nan is not allowed; give a positive finite number",
         ),
         (
-            "[channels.core]\nvalve_delay_s = -1",
-            "core: valve_delay_s: -1 is not allowed; give a finite number, at least 0",
+            "[channels.bladder]\nvalve_delay_s = 250",
+            "bladder: valve_delay_s: 250 is not allowed; give a number from 0 to",
         ),
+        ("[channels.core]\nvalve_delay_s = -1", "core: valve_delay_s: -1 is not allowed; give a number from 0 to 10 s"),
         ('[channels.core]\nrise_s = "1"', "core: rise_s: '1' is not allowed; give a positive finite number"),
         ("[map]\ncore_kpa = 0", "map: core_kpa: 0 is not allowed; give a positive finite number"),
         ("[map]\nflat_kpa = 1", "map: flat_kpa: 1 is not allowed; give a number from -101.4 to 0"),
