@@ -111,7 +111,7 @@ class PneumaticRig(ShortText):
 
     Attributes:
         name: name of the rig for people.
-        supply_kpa: pressure of the supply; no line can exceed it [kPa].
+        supply_kpa: pressure of the supply, or 0 where vacuum alone drives; no line can exceed it [kPa].
         vacuum_kpa: pressure of the vacuum, negative, or 0 without one; no line can fall below it, nor it below
             that of empty space [kPa].
         channels: in the order of :attr:`channel_names`: core, or several cores, bladders 1 to 8, feet 1 and 2; or those
@@ -126,7 +126,7 @@ class PneumaticRig(ShortText):
     """
 
     name: str = "dissertation"
-    supply_kpa: PositivePressure = 50.0
+    supply_kpa: NotNegativePressure = 50.0
     vacuum_kpa: Vacuum = -80.0
     channels: tuple[Channel, ...] = (_CORE,) + (_BLADDER,) * BLADDERS + (_FOOT,) * FEET
     shortest_state_s: Positive = 0.1
@@ -139,6 +139,8 @@ class PneumaticRig(ShortText):
             raise ValueError(f"name: {self.name!r} is not allowed; give a text of one line")
         choice("units", self.units, KPA_PER_UNIT)
         check_fields(self)
+        if self.supply_kpa == self.vacuum_kpa:  # both 0
+            raise refused("supply_kpa", 0, lambda unit: f"give it or {unit.field('vacuum_kpa')}, as both are 0")
         object.__setattr__(self, "channels", tuple(self.channels))
         given = len(self.channels)
         if self.lines is not None and given != len(self.lines.names):

@@ -115,7 +115,16 @@ def test_a_table_of_own_lines_read_back_gives_the_same_commands(tmp_path_factory
             "lines = ['v1']\n[channels.v1]\nmaximum_kpa = 70",
             "v1: maximum_kpa: 70 is not allowed; the supply has 50 kPa",
         ),
-        ("lines = ['v1']\nsupply_kpa = 0", "supply_kpa: 0 is not allowed"),
+        ("lines = ['v1']\nsupply_kpa = -1", "supply_kpa: -1 is not allowed; give a finite number, at least 0"),
+        ("lines = ['v1']\nsupply_kpa = 0", "v1: maximum_kpa: 20 is not allowed; the supply has 0 kPa"),
+        (
+            "lines = ['v1']\nsupply_kpa = 0\nvacuum_kpa = 0",
+            "supply_kpa: 0 is not allowed; give it or vacuum_kpa, as both are 0",
+        ),
+        (
+            "units = 'psi'\nlines = ['v1']\nsupply_psi = 0\nvacuum_psi = 0",
+            "supply_psi: 0 is not allowed; give it or vacuum_psi, as both are 0",
+        ),
         ("lines = ['v1']\n[map]\nflat_kpa = 0", "map: 'flat_kpa' is unknown; give off_kpa, on_kpa"),
         (
             "lines = ['v1']\n[map]\non_kpa = [1, 2]",
@@ -158,6 +167,17 @@ def test_a_line_that_sucks_is_on_at_its_lowest_pressure(tmp_path):
     assert rig.lines.on_kpa == (-40,) and rig.lines.off_kpa == (0,)
     table = channel_table("robot", waves(rig, 1, (1.0, 1.2, 1.0, 0.8)), RHYTHM, rig)
     assert table.pressures.min() == -40 and table.timing[0].end_s == pytest.approx(2.0)
+
+
+def test_a_rig_of_vacuum_alone_needs_no_supply(tmp_path):
+    limits = "minimum_kpa = -40\nmaximum_kpa = 0\nslew_kpa_per_s = 1e4"
+    (tmp_path / "rig.toml").write_text(f'lines = ["a"]\nsupply_kpa = 0\nvacuum_kpa = -60\n[channels.a]\n{limits}\n')
+    rig = PneumaticRig.load(tmp_path / "rig.toml")
+    table = channel_table("robot", waves(rig, 1), RHYTHM, rig)
+    assert (table.pressures.min(), table.pressures.max()) == (-40, 0)
+    assert len(rig_section(channel_report(waves(rig, 1), RHYTHM, rig), False, 1.0)[1]["channels"]) == 1
+    rig.save(tmp_path / "again.toml")
+    assert PneumaticRig.load(tmp_path / "again.toml") == replace(rig, name="rig")
 
 
 def test_own_lines_whose_valves_put_them_out_of_phase_are_told(rig):
