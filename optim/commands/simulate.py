@@ -59,6 +59,7 @@ COMMAND = Command(
 
 def run(args: argparse.Namespace) -> Report:
     """Simulate, and write the files asked for."""
+    _check_own_robot(args)
     gait = _gait_of(args)
     options.claim_folder(args, *FILES)
     named = named_doing(args.robot, gait)
@@ -81,6 +82,19 @@ def run(args: argparse.Namespace) -> Report:
     with shown_progress(title, 1.0, args.quiet) as update:
         outcome = robot.simulate((), world, compute=compute, record_every=args.record_every, progress=update)
     return _report(args, robot, world, outcome, title, about)
+
+
+def _check_own_robot(args: argparse.Namespace) -> None:
+    """Refuse a rig or its table beside a robot that no rig plays here, or that is not the table's."""
+    if args.robot is None or (args.table is None and args.rig is None):
+        return
+    named = named_doing(args.robot, None)
+    if all(option.name != "rig" for option in named.kind.options_for("simulate")):
+        field, value = ("rig", args.rig) if args.table is None else ("table", args.table)
+        serves = named.kind.instead.get("rig", "leave it out")
+        raise ValueError(f"{field}: {value} is not allowed with {args.robot}, a {named.kind.title}; {serves}")
+    if args.table is not None and (named.run or named.source) is not None:
+        raise ValueError(f"table: {args.table} has a gait by itself; leave --robot {args.robot} out")
 
 
 def _gait_of(args: argparse.Namespace) -> str | None:

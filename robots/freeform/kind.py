@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from robots.kind import OWN_MEASURES_OPTION, choices
 from robots.lattice_robot.ground import LatticeGroundKind
+from robots.lattice_robot.kind import BY_CHANNELS
 from robots.lattice_robot.links import LINKS_OPTION
 from robots.lattice_robot.walker_kind import shape_of
 from robots.robot import Option, Robot
@@ -27,6 +29,7 @@ class FreeformKind(LatticeGroundKind):
     title = "freeform robot"
     explored = choices(frequency=(1, 8), amplitude=(0.02, 0.25), slope=(-15, 15))
     trial_fields = ("actuation.cycles",)
+    instead = MappingProxyType({"rig": BY_CHANNELS})
     options = (
         Option("shape", "cells of the grid along each axis (default: 12,4,3)", checked(shape_of), "X,Y,Z"),
         Option("voxel_size", "edge of a cell in metres (default: 0.01)", number(1e-6, 1e3), "M"),

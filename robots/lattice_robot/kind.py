@@ -14,6 +14,11 @@ from robots.robot import Option, Robot
 from taichi_sim.base.checks import MOST_FRICTION
 from taichi_sim.base.options import checked, file_path, number, whole
 
+BY_CHANNELS = (
+    "export --rig RIG --csv FILE writes a table of its channels for a rig; simulate that by --robot BEST.json "
+    "--channels FILE, without --rig and --table"
+)
+
 
 def _region(text: str) -> Any:
     from robots.lattice_robot.mesh_robot import MarkedRegion
@@ -79,7 +84,8 @@ class LatticeRobotKind(LatticeGroundKind):
     instead = MappingProxyType(
         {
             "target": "give --terrain flat+light:X,Y, or set target of a LatticeRobot in Python; both add the measure "
-            "remaining, so search with --objective minimise:remaining"
+            "remaining, so search with --objective minimise:remaining",
+            "rig": BY_CHANNELS,
         }
     )
 

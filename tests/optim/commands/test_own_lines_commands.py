@@ -111,6 +111,36 @@ def test_what_lines_cannot_play_is_refused_in_one_line(morpholab, folder, line, 
     assert not (folder / "a.csv").exists()
 
 
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (
+            "--robot block.json --channels a.csv --rig six-valves.toml",
+            "rig: six-valves.toml is not allowed with block.json",
+        ),
+        ("--robot block.json --rig six-valves.toml", "rig: six-valves.toml is not allowed with block.json"),
+        ("--robot block.json --table a.csv --rig six-valves.toml", "table: a.csv is not allowed with block.json"),
+        ("--robot block.json --table a.csv", "table: a.csv is not allowed with block.json"),
+        ("--robot freeform --rig six-valves.toml", "rig: six-valves.toml is not allowed with freeform"),
+    ],
+)
+def test_a_rig_beside_a_robot_of_ones_own_is_refused_with_what_works(morpholab, folder, options, told):
+    assert morpholab("export block.json --rig six-valves.toml --csv a.csv --full-scale 0.8:1.2")[0] == 0
+    code, out, error = morpholab(f"simulate {options}")
+    assert (code, out) == (2, "") and error.count("\n") == 1 and f": error: {told}, a " in error
+    kind = "freeform" if "freeform" in options else "lattice"
+    works = "export --rig RIG --csv FILE writes a table of its channels for a rig; simulate that by --robot BEST.json"
+    assert f"a {kind} robot; {works} --channels FILE, without --rig and --table\n" in error
+
+
+def test_a_gait_table_beside_another_robot_is_refused_with_the_robot_to_leave_out(morpholab, folder):
+    assert morpholab("export rolling --csv rolling.csv")[0] == 0
+    code, _, error = morpholab("simulate --robot rolling.csv --table rolling.csv --rig dissertation")
+    assert code == 2 and "table: rolling.csv has a gait by itself; leave --robot rolling.csv out" in error
+    code, _, error = morpholab("simulate --robot rover --rig dissertation")
+    assert code == 2 and "rig: dissertation is not allowed with rover, a two-wheel vehicle; leave it out" in error
+
+
 def test_a_pipeline_refuses_a_rig_of_own_lines(folder):
     from optim.pipeline.task import PipelineTask
     from robots.world import Terrain
