@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -23,7 +24,6 @@ REFUSED = 2  # exit code, as of other input that is not allowed
 PICTURES = (".pdf", ".png", ".svg")
 TABLES = ("csv", "plain", "c_header")
 OUTPUTS = (*TABLES, "plot", "voxels", "parts")  # options that name what is written
-LONGER = 1.02  # times the gait's own length: what whole samples make of it is told from there on
 COMMAND = Command(
     "export",
     "write a gait for the hardware, surfaces to print, or a mould",
@@ -198,9 +198,7 @@ def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None, made:
         text = "\n".join([f"{rig.name}: refuses the gait", *violations, refusal.advice])
         document = {"source": str(args.source), "violations": violations, "advice": refusal.advice}
         return Report(document, text, REFUSED)
-    unsampled = None
-    if args.rate is not None:
-        unsampled = robot.table(**settings).seconds
+    longer = _longer(robot, args.rate, table, settings)
     if args.csv and not args.dry_run:
         write_csv(table, args.csv)
     if args.plain and not args.dry_run:
@@ -211,7 +209,23 @@ def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None, made:
         from robots.hardware.gait_chart import save_gait_chart
 
         save_gait_chart(table, _begun(made, "plot", args.plot))
-    return _report(args, table, unsampled)
+    return _report(args, table, longer)
+
+
+def _longer(robot: Robot, rate: float | None, table: "RigTable", settings: dict[str, Any]) -> str:
+    """How much longer whole samples make a table than it is without them, and which rates fit; empty if hardly."""
+    from robots.hardware.sample_rates import LONGER, fitting_rates
+
+    if rate is None:
+        return ""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the table's own were told
+        unsampled = robot.table(**settings)
+        if table.seconds <= LONGER * unsampled.seconds:
+            return ""
+        fitting = fitting_rates(unsampled, rate, lambda other: robot.table(rate=other, **settings).seconds)
+    told = f"in whole samples at {rate:g} Hz it takes that long; without --rate {unsampled.seconds:.1f} s"
+    return f"{told}; --rate {' or '.join(f'{each:g}' for each in fitting)} fits" if fitting else told
 
 
 def _rig_of(args: argparse.Namespace) -> "PneumaticRig":
@@ -232,7 +246,7 @@ def _start_of(args: argparse.Namespace) -> "Start | None":
     return read_csv(args.source).start if args.source.suffix.lower() == ".csv" else None
 
 
-def _report(args: argparse.Namespace, table: "RigTable", unsampled: float | None) -> Report:
+def _report(args: argparse.Namespace, table: "RigTable", longer: str) -> Report:
     from robots.hardware.dry_run import timing_document, timing_text
 
     written = None if args.dry_run or not args.csv else str(args.csv)
@@ -249,8 +263,8 @@ def _report(args: argparse.Namespace, table: "RigTable", unsampled: float | None
         return Report({**document, **timing_document(table)}, timing_text(table))
     name = ", ".join(filter(None, [written, *map(str, _other_files(args).values())])) or document["plot"]
     text = f"{name}: {counted(len(table.channels), 'channel')}, {table.seconds:.1f} s, {table.units}"
-    if unsampled is not None and table.seconds > LONGER * unsampled:
-        text += f"\nnote: in whole samples at {args.rate:g} Hz it takes that long; without --rate {unsampled:.1f} s"
+    if longer:
+        text += f"\nnote: {longer}"
     if table.clipped:
         text += f"\nclipped {counted(len(table.clipped), 'time')}, as the file's header tells; first {table.clipped[0]}"
     return Report(document, text)

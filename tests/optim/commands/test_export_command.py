@@ -105,7 +105,10 @@ def test_what_exceeds_limits_is_refused_or_clipped_as_asked(morpholab, folder):
 
 def test_a_rate_too_slow_for_the_gait_is_told(morpholab, folder):
     code, out, _ = morpholab("export rolling.json --csv a.csv --rate 0.3")
-    assert code == 0 and "note: in whole samples at 0.3 Hz it takes that long; without --rate 48.2 s" in out
+    assert (
+        code == 0
+        and "note: in whole samples at 0.3 Hz it takes that long; without --rate 48.2 s; --rate 1 fits\n" in f"{out}\n"
+    )
     assert "note" not in morpholab("export rolling.json --csv a.csv --rate 100")[1]
 
 

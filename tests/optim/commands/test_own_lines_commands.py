@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from robots.hardware import PneumaticRig, read_channels
 from robots.inflatable import ROLLING
-from robots.lattice_robot import Drive, LatticeRobot, save_robot
+from robots.lattice_robot import Drive, LatticeRobot, load_robot, save_robot
 from taichi_sim.lattice import Material, body_from_array
 
 ROOT = Path(__file__).parents[3]
@@ -109,6 +110,16 @@ def test_what_lines_cannot_play_is_refused_in_one_line(morpholab, folder, line, 
     code, out, error = morpholab(line)
     assert (code, out) == (2, "") and error.count("\n") == 1 and f": error: {told}" in error
     assert not (folder / "a.csv").exists()
+
+
+def test_rates_that_fit_are_named_where_samples_make_a_table_longer(morpholab, folder):
+    robot = replace(load_robot(folder / "block.json"), frequency=1.0, cycles=4)
+    save_robot(robot, folder / "slow.json")
+    line = "export slow.json --rig six-valves.toml --csv a.csv"
+    told = "\nnote: in whole samples at 50 Hz it takes that long; without --rate 5.5 s; --rate 48 or 64 fits\n"
+    assert told in morpholab(f"{line} --rate 50")[1]
+    for rate in (48, 64):
+        assert "note: " not in morpholab(f"{line} --rate {rate}")[1] and read_channels("a.csv").played_frequency == 1
 
 
 @pytest.mark.parametrize(

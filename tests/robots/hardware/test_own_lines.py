@@ -18,6 +18,7 @@ from robots.hardware.gait_commands import rig_report
 from robots.hardware.lines import MOST_LINES
 from robots.hardware.plain_files import write_c_header, write_plain
 from robots.hardware.rig_play import Play
+from robots.hardware.sample_rates import LONGER, fitting_rates
 from robots.hardware.stream import CommaLines, read_any_table, stream_of
 from robots.inflatable import ROLLING
 
@@ -185,6 +186,21 @@ def test_own_lines_whose_valves_put_them_out_of_phase_are_told(rig):
     channel_table("robot", waves(rig, 2), RHYTHM, replace(rig, channels=slow))  # v3 stays vented
     with pytest.warns(UserWarning, match=r"^rig: v3 answers 0.2 s later than v1, 0.1 cycles"):
         channel_table("robot", waves(rig, 3), RHYTHM, replace(rig, channels=slow))
+
+
+@given(frequency=st.floats(0.05, 20.0), rate=st.floats(1.0, 900.0))
+def test_fitting_rates_make_a_table_hardly_longer(frequency, rate):
+    fast = replace(PneumaticRig().channels[1], slew_kpa_per_s=1e6)
+    lines = OwnLines.within(("a",), [(0.0, 20.0)])
+    rig, rhythm = PneumaticRig("mine", channels=(fast,), lines=lines), Rhythm(frequency, 3, 0.1, 16)
+
+    def at(rate):
+        return channel_table("robot", waves(rig, 1, np.linspace(0.8, 1.2, 16)), rhythm, rig, rate=rate)
+
+    found = fitting_rates(at(None), rate, lambda other: at(other).seconds)
+    assert all(at(each).seconds <= LONGER * at(None).seconds and f"{each:.3g}" == f"{each:g}" for each in found)
+    assert [each > rate for each in found] in ([False, True], [True], [False], [])
+    assert found or rate > 16 * frequency  # faster than the slowest that fits
 
 
 def test_more_channels_than_lines_are_refused_with_both_numbers(rig):
