@@ -149,7 +149,7 @@ def test_prescribed_motion_of_fixed_voxels():
 
 
 def test_a_bar_that_is_held_in_a_plane_turns_right_round():
-    """As the free bar does, though it swings, so that voxels pass half a turn one by one; a driven end is followed, too."""
+    """As the free bar does, though it swings, so that voxels pass half a turn one by one; and as its end is driven."""
     fixed = np.zeros((4, 6), bool)
     fixed[:, [1, 3, 5]] = True
     ends, begun = [], 3.0  # rad
