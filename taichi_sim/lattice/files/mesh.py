@@ -8,6 +8,7 @@ import math
 import warnings
 from dataclasses import dataclass
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,6 +30,8 @@ _CROSSING_BYTES = 120  # of a column's meeting with a triangle's box, while it i
 _VOXEL_BYTES = 3_000  # of a voxel, its links and faces in an engine of eight robots in f64, which a CPU runs at once
 _LARGE = 5.0  # units of a mesh that is hardly in metres
 _COARSE = 0.1  # part of the volume that voxels may lack, or have too much, without a word
+_SLIT = 1e-6  # lengths of a mesh; narrower holes are seams that rounding opened
+_WIDE = 3.0  # pitches; behind wider holes voxels may be missing
 # Columns are moved off the grid by so much of the pitch: none runs along an edge of a mesh made of round numbers.
 _SHIFT = np.array([2**0.5, 3**0.5]) * 1e-7
 _TIE = 5**0.5 * 1e-7  # heights that are so little above a place are at it, as rounding would decide else
@@ -93,14 +96,15 @@ def voxelise(
 ) -> VoxelisedMesh:
     """Fill a closed surface with voxels, one wherever its centre is inside; shells that overlap are one body.
 
-    The grid has the mesh's box in its middle, its edges rounded to whole pitches. Warnings tell if the voxels are not
-    all joined by their faces, and if their volume is another than the mesh's, by more than a tenth.
+    The grid has the mesh's box in its middle, its edges rounded to whole pitches. Warnings tell of holes that were
+    closed, and if the voxels are not all joined by their faces, or their volume is another than that of the closed
+    mesh, by more than a tenth.
 
     Args:
         mesh: a mesh of trimesh, or a file that trimesh reads.
         pitch: edge of the voxels, in the mesh's unit.
         scale: metres per unit of the mesh, 0.001 for millimetres; the result is in metres then.
-        repair: close small holes and join equal vertices of a mesh that is not watertight.
+        repair: close holes of three or four edges, and join equal vertices, of a mesh that is not watertight.
         most_voxels: largest number of voxels that :func:`predict` may give.
         most_memory: largest memory that :func:`predict` may give [B].
 
@@ -111,14 +115,15 @@ def voxelise(
     _check_scale(scale)
     if not (isinstance(pitch, int | float | np.number) and math.isfinite(pitch) and pitch > 0):
         raise ValueError(f"pitch: {pitch!r} is not allowed; it must be positive")
-    mesh = _not_empty(_loaded(mesh))
+    named, mesh = _named(mesh), _not_empty(_loaded(mesh))
     if not min(mesh.extents) > 0:
         raise ValueError("mesh: it encloses no volume; give a closed surface around the body")
     _check_size(mesh, pitch, most_voxels, most_memory)
-    mesh = _closed(mesh, repair)
+    mesh, holes = _closed(mesh, repair)
     if not abs(float(mesh.volume)) > 1e-12 * math.prod(float(e) for e in mesh.extents):
         raise ValueError("mesh: it encloses no volume; give a closed surface around the body")
     _check_size(mesh, pitch, most_voxels, most_memory)  # of the repaired one
+    _warn_of_holes(holes, pitch, scale, named)
     counts = np.array(_counts(mesh, pitch))
     origin = mesh.bounds.mean(axis=0) - (counts - 1) / 2 * pitch
     turns = _turns((np.asarray(mesh.triangles) - origin) / pitch, counts)
@@ -154,7 +159,8 @@ def inside(mesh: "trimesh.Trimesh | str | PathLike[str]", within: VoxelisedMesh,
         ValueError: for files without a surface, and surfaces that are not closed.
     """
     _check_scale(scale)
-    marked = _closed(_not_empty(_loaded(mesh)), True)
+    marked, holes = _closed(_not_empty(_loaded(mesh)), True)
+    _warn_of_holes(holes, within.pitch / scale, scale, _named(mesh))
     triangles = (np.asarray(marked.triangles) * scale - within.origin) / within.pitch
     return _turns(triangles, np.array(within.filled.shape)) != 0
 
@@ -178,7 +184,7 @@ def body_from_mesh(
         pitch: edge of the voxels, in the mesh's unit.
         material: material of all voxels.
         scale: metres per unit of the mesh, 0.001 for millimetres.
-        repair: close small holes and join equal vertices of a mesh that is not watertight.
+        repair: close holes of three or four edges, and join equal vertices, of a mesh that is not watertight.
         most_voxels: largest number of voxels that :func:`predict` may give.
         most_memory: largest memory that :func:`predict` may give [B].
 
@@ -234,32 +240,68 @@ def _check_size(mesh: "trimesh.Trimesh", pitch: float, most_voxels: int, most_me
         )
 
 
-def _closed(mesh: "trimesh.Trimesh", repair: bool) -> "trimesh.Trimesh":
-    """Return a closed mesh, repaired if ``repair`` allows; raise ValueError if it is not closed."""
+def _closed(mesh: "trimesh.Trimesh", repair: bool) -> "tuple[trimesh.Trimesh, Floats]":
+    """Return a closed mesh, repaired if ``repair`` allows, and widths of holes; raise ValueError if it is not closed.
+
+    A hole is as wide as a square of its area.
+    """
     from trimesh import repair as mend
 
+    none = np.empty(0)
     if _is_balanced(mesh):
-        return mesh
+        return mesh, none
     if mesh.is_watertight:  # triangles that look in and out by turns, whose shells wind around nothing
         mesh = mesh.copy()
         mend.fix_normals(mesh)
-        return mesh
+        return mesh, none
 
     if repair:
         mesh = mesh.copy()
         mesh.merge_vertices()
         mesh.update_faces(mesh.nondegenerate_faces() & mesh.unique_faces())
         mesh.remove_unreferenced_vertices()
+        count = len(mesh.faces)
         mend.fill_holes(mesh)
+        widths = _widths(mesh, count)
         mend.fix_normals(mesh)
         if _is_balanced(mesh):
-            return mesh
+            return mesh, widths
     edges = np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1]
     tried = " and could not be repaired" if repair else ""
     raise ValueError(
         f"mesh: it is not watertight{tried}: {(edges != 2).sum()} of {len(edges)} edges do not join two triangles; "
         "close it"
     )
+
+
+def _widths(mesh: "trimesh.Trimesh", first: int) -> Floats:
+    """Widths of holes that the triangles from number ``first`` on close: of squares of their areas, shape (H,)."""
+    from trimesh.graph import connected_component_labels
+
+    areas, pairs = mesh.area_faces[first:], mesh.face_adjacency - first
+    patches = connected_component_labels(pairs[(pairs >= 0).all(axis=1)], node_count=len(areas)) if len(areas) else []
+    widths = np.sqrt(np.bincount(np.asarray(patches, int), areas))
+    return np.asarray(widths[widths > _SLIT * mesh.scale])
+
+
+def _named(mesh: object) -> str:
+    """Words for whose holes they are: of a file's, if it is one."""
+    return f" of {Path(mesh).name}" if isinstance(mesh, str | PathLike) else ""
+
+
+def _warn_of_holes(widths: Floats, pitch: float, scale: float, named: str) -> None:
+    """Warn that holes were closed, and strongly of wide ones, as what is missing behind them is a guess.
+
+    Widths and pitch are in the mesh's unit.
+    """
+    if not len(widths):
+        return
+    widest = float(widths.max())
+    count = f"1 hole{named}," if len(widths) == 1 else f"{len(widths)} holes{named}, the largest"
+    told = f"mesh: closed {count} {1e3 * scale * widest:.4g} mm wide"
+    if widest > _WIDE * pitch:
+        told += f", {widest / pitch:.2g} pitches: the body may lack volume there; view it, or close it where it is made"
+    warnings.warn(told, stacklevel=3)
 
 
 def _is_balanced(mesh: "trimesh.Trimesh") -> bool:
