@@ -42,6 +42,11 @@ class Channel:
         return np.isin(np.asarray(robot.body.regions), self.regions)
 
 
+def rests(robot: "LatticeRobot") -> bool:
+    """Whether nothing moves a robot: its drives leave their regions at rest, and no reflexes answer."""
+    return robot.reflexes is None and all(drive.is_idle for drive in robot.drives)
+
+
 def channels_of(robot: "LatticeRobot") -> list[Channel]:
     """The channels of a robot of which nothing is free, drive by drive, in the order of their first regions."""
     found: list[Channel] = []

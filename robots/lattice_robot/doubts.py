@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from robots.lattice_robot.channels import rests
 from robots.lattice_robot.drive import Free
 from robots.lattice_robot.faults import SMALLEST as SMALLEST_SIZE
 from robots.lattice_robot.reach import reached_sizes
@@ -22,7 +23,8 @@ MANY_CYCLES = 10.0  # phases grow along a body that waves travel through, but ha
 
 def doubts_of(robot: "LatticeRobot") -> tuple[str, ...]:
     """Likely mistakes of a robot, one line each that names the field and its unit."""
-    return (*_of_size(robot), *_of_parts(robot), *_of_materials(robot), *_of_phases(robot), *_of_reach(robot))
+    each = _of_size, _of_parts, _of_materials, _of_drives, _of_phases, _of_reach
+    return tuple(doubt for doubts in each for doubt in doubts(robot))
 
 
 def doubts_on(robot: "LatticeRobot", terrain: Terrain) -> tuple[str, ...]:
@@ -67,6 +69,12 @@ def _of_materials(robot: "LatticeRobot") -> Iterator[str]:
         if material.kinetic_friction > material.static_friction:
             pair = f"{material.kinetic_friction:g} of {name} is above its static friction, {material.static_friction:g}"
             yield f"kinetic_friction: {pair}; what slides is then held more than what rests"
+
+
+def _of_drives(robot: "LatticeRobot") -> Iterator[str]:
+    if rests(robot):
+        muscle = "give a drive an amplitude, or of a mesh mark a muscle, such as --region legs=legs.stl"
+        yield f"drives: nothing moves {robot.name}, which rests; {muscle}"
 
 
 def _of_phases(robot: "LatticeRobot") -> Iterator[str]:

@@ -115,6 +115,11 @@ class Drive:
         return tuple(channels["xyz".index(a)] for a in self.axes) if self.quantity == "scale" else channels
 
     @property
+    def is_idle(self) -> bool:
+        """Whether it leaves its regions at the rest sizes of their materials."""
+        return self.quantity == "scale" and self.mean is None and self.amplitude == 0.0
+
+    @property
     def free(self) -> dict[str, Free]:
         """Free numbers of the drive by name: ``legs_phase``, ``legs_phase_1`` of the first region, ``legs_knots_1``."""
         return {name: value for name, (_, value) in self._free_fields().items()}

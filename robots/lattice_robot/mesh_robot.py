@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 MILLIMETRE = 1e-3  # unit of files of meshes, unless told otherwise [m]
 SLIDING = 0.8  # kinetic friction, part of the static one
 AMPLITUDE = Free(0.0, 0.2)  # of muscles, unless told otherwise
+AT_REST = Drive("rest", (0,))  # of a body without muscles
 _MATERIAL, _WAVE = ("modulus", "density", "friction"), ("amplitude", "phase")
 
 
@@ -98,7 +99,7 @@ def robot_of_mesh(
     Args:
         path: a file of a mesh that trimesh reads.
         pitch: edge of the voxels, in the mesh's unit.
-        regions: meshes of the same unit and coordinates that mark materials and muscles; at least one muscle.
+        regions: meshes of the same unit and coordinates that mark materials and muscles; a body without muscles rests.
         scale: metres per unit of the meshes.
         modulus: Young's modulus of voxels that no region gives one [Pa].
         density: density of voxels that no region gives one [kg/m^3].
@@ -124,7 +125,7 @@ def robot_of_mesh(
     materials, kinds, labels = _marks(regions, found, scale, base)
     rest = int((labels[found.filled] == 0).any())  # voxels of no muscle are region 0
     muscles = [region for region in regions if region.is_muscle]
-    drives = [_drive(region, rest + place, place / len(muscles)) for place, region in enumerate(muscles)]
+    drives = [_drive(region, rest + place, place / len(muscles)) for place, region in enumerate(muscles)] or [AT_REST]
     body = body_from_array(kinds, materials, found.pitch, regions=np.maximum(labels - 1 + rest, 0))
     # Robots stand on the floor, so the body may be moved down.
     origin = (found.origin + found.pitch * body.voxels[:, 2].min() * np.array([0, 0, 1])).tolist()
@@ -132,10 +133,8 @@ def robot_of_mesh(
 
 
 def _check_regions(regions: Sequence[MarkedRegion]) -> None:
-    """Refuse regions of which none is a muscle, or two have a name."""
+    """Refuse regions of which two have a name."""
     names = [region.name for region in regions]
-    if not any(region.is_muscle for region in regions):
-        raise ValueError("region: nothing drives the body; mark a muscle, such as --region legs=legs.stl")
     if len(set(names)) < len(names):
         raise ValueError(f"region: names {', '.join(names)} do not all differ; give each its own")
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robots.control.cyclic import SEGMENTS
-from robots.lattice_robot.channels import places_alike
+from robots.lattice_robot.channels import places_alike, rests
 from robots.lattice_robot.drive import UNITS, Drive
 from robots.view.motion import CUBE, Channel, Motion, Node
 from robots.view.scene import CLAY, HUES, PURPLES, SAND, SKY, YELLOW, Colour
@@ -83,6 +83,8 @@ class _Look:
 def _driven(robot: "LatticeRobot") -> tuple[list[Channel], dict[int, _Look]]:
     """The channels of all drives, and how the regions look that they drive; the last drive of a region counts."""
     driven, looks = list[Channel](), dict[int, _Look]()
+    if rests(robot):
+        return driven, looks
     for number, (drive, nodes) in enumerate(zip(robot.drives, robot.nodes(robot.start[None]), strict=True)):
         phases = drive.phase if isinstance(drive.phase, tuple) else (None,) * len(drive.regions)
         for channel, places in _channels(robot, drive, np.asarray(nodes[0], float), DRIVES[number % len(DRIVES)]):

@@ -36,6 +36,7 @@ def robot_of(cells=(2, 1, 1), material=RUBBER, voxel_size=0.01, phase=0.0, ampli
             robot_of(material=dataclasses.replace(RUBBER, kinetic_friction=0.9)),
             "kinetic_friction: 0.9 of rubber is above its static friction, 0.8; what slides is then held more",
         ),
+        (robot_of(amplitude=0.0), "drives: nothing moves worm, which rests; give a drive an amplitude, or"),
         (robot_of(phase=90.0), "phase: 90 of legs is likely in degrees; phases are in cycles, 90 is 0.25"),
         (robot_of(phase=Free(0.0, 360.0)), "phase: 360 of legs is likely in degrees; phases are in cycles"),
     ],

@@ -372,8 +372,6 @@ def test_a_robot_of_no_mesh_and_one_of_an_earlier_version_lie_at_their_grid(tmp_
 @pytest.mark.parametrize(
     ("texts", "message"),
     [
-        ([], "region: nothing drives the body; mark a muscle"),
-        (["a=far.stl,modulus=1e5"], "region: nothing drives the body"),
         (["a=far.stl", "a=back.ply"], "region: names a, a do not all differ"),
         (["a=back.ply", "b=back.ply"], "region: later regions mark all voxels of a"),
         (["a=nothing.stl"], "mesh: .*nothing.stl cannot be read"),
