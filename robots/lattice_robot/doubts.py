@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 SMALLEST, LARGEST = 1e-3, 10.0  # longest side of robots [m]
 SOFTEST, STIFFEST = 100.0, 1e12  # Young's moduli [Pa]; jelly has some 1000, diamond 1e12
+LIGHTEST, DENSEST = 20.0, 25_000.0  # densities [kg/m^3]; foams have 20 or more, platinum and iridium 22,000
 LEAST_SCALE, MOST_SCALE = 0.7, 1.4  # rest sizes of materials [edges], whose voxels all start with an edge of 1
 MOST_UNLIKE = 2.5  # largest over smallest rest size; beyond, links that are not balanced may feed bodies energy
 MANY_CYCLES = 10.0  # phases grow along a body that waves travel through, but hardly to this
@@ -63,6 +64,8 @@ def _of_materials(robot: "LatticeRobot") -> Iterator[str]:
         name = material.name or f"material {number}"
         if not SOFTEST <= material.youngs_modulus <= STIFFEST:
             yield f"youngs_modulus: {name} has {material.youngs_modulus:g} Pa; it is in pascals, rubber has some 1e6"
+        if not LIGHTEST <= material.density <= DENSEST:
+            yield f"density: {name} has {material.density:g} kg/m^3; it is in kg/m^3, rubber has some 1000, 1 g/cm^3"
         if not all(LEAST_SCALE <= each <= MOST_SCALE for each in material.scale):
             sizes = ", ".join(f"{each:g}" for each in material.scale)
             yield f"scale: {name} has {sizes}, but voxels start with an edge of 1: they spring to their size at once"

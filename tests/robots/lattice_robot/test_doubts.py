@@ -28,6 +28,8 @@ def robot_of(cells=(2, 1, 1), material=RUBBER, voxel_size=0.01, phase=0.0, ampli
             "body: worm is 2 parts that no links join; voxels are joined where",
         ),
         (robot_of(material=Material(0.1, 1000.0)), "youngs_modulus: material 0 has 0.1 Pa; it is in pascals"),
+        (robot_of(material=Material(1e6, 1.07)), "density: material 0 has 1.07 kg/m"),
+        (robot_of(material=Material(1e6, 1e5)), "density: material 0 has 100000 kg/m"),
         (
             robot_of(material=dataclasses.replace(RUBBER, scale=(2.0, 1.0, 1.0))),
             "scale: rubber has 2, 1, 1, but voxels start with an edge of 1: they spring to their size at once",
