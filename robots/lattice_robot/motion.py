@@ -64,6 +64,8 @@ def lattice_robot_motion(
         for v, look in enumerate(looks)
     ]
     seen = voxel_motion(name, result.frames[place], body, 0, nodes, driven, terrain, robot.heading, travelling=own)
+    if driven:
+        seen = dataclasses.replace(seen, period=1 / robot.frequency)
     if light is None:
         return seen
     x, y, z = body.start_positions.mean(axis=0).tolist()

@@ -45,7 +45,7 @@ def strip_picture(motion: Motion, *, frames: int = 6, colour: str = "material") 
 
     Args:
         motion: motion to show.
-        frames: number of poses, equally spaced in time; at least 2.
+        frames: number of poses, equally spaced in time, see :func:`poses_of`; at least 2.
         colour: one of ``robots.view.colour_names.COLOURS`` except beams.
 
     Raises:
@@ -135,9 +135,31 @@ def _places(robots: list[Polygons], rim: Floats, gap: float) -> Floats:
 
 
 def poses_of(motion: Motion, frames: int) -> list[int]:
-    """Numbers of ``frames`` frames of a motion (at least 2), equally spaced in time from its beginning to its end."""
-    count = whole_number("frames", frames, 2)
-    return np.unique(np.linspace(0, len(motion.times) - 1, count).round().astype(int)).tolist()
+    """Numbers of ``frames`` frames of a motion (at least 2), equally spaced in time from its beginning to its end.
+
+    Where a robot whose drives repeat would be shown again and again in one or two phases of its cycle, the last pose is
+    up to a period before the end, so that phases are spread.
+    """
+    count, last = whole_number("frames", frames, 2), len(motion.times) - 1
+    poses = _equally_spaced(last, count)
+    if not 0 < motion.period <= np.ptp(motion.times):
+        return poses
+    if (_phase_gaps(motion, poses) > 0.5 / count).sum() >= count / 2:
+        return poses
+    ends = np.flatnonzero(motion.times >= motion.times[-1] - motion.period)[::-1].tolist()
+    choices = [some for end in ends if len(some := _equally_spaced(end, count)) == len(poses)]
+    return max(choices, key=lambda some: _phase_gaps(motion, some).min())
+
+
+def _equally_spaced(last: int, count: int) -> list[int]:
+    """Up to ``count`` numbers of frames from 0 to ``last``."""
+    return np.unique(np.linspace(0, last, count).round().astype(int)).tolist()
+
+
+def _phase_gaps(motion: Motion, poses: list[int]) -> Floats:
+    """Differences between the phases of poses [cycles] and the next higher ones, shape (N,)."""
+    phases = np.sort(motion.times[poses] / motion.period % 1)
+    return np.diff(phases, append=phases[:1] + 1)
 
 
 def save_strip(motion: Motion, path: str | PathLike[str], **options: Any) -> int:

@@ -170,6 +170,7 @@ class Motion(ShortText):
         scale: scale of the nodes along their own axes, shape (F, N, 3).
         path: position of the whole robot, which the camera follows [m], shape (F, 3).
         centre_of_mass: of the robot [m], shape (F, 3); empty where masses are not known.
+        period: time after which the robot's drives repeat [s]; 0 where they do not, or it is not known.
         channels: rows of the timeline.
         lights: positions of lights [m], shape (L, 3).
         light_radius: radius of the balls that show the lights [m].
@@ -195,6 +196,7 @@ class Motion(ShortText):
     skin: Skin | None = None
     lattice: LatticeStates | None = None
     centre_of_mass: Floats = ()  # type: ignore[assignment]
+    period: float = 0.0
 
     def __post_init__(self) -> None:
         for field in ("nodes", "channels"):

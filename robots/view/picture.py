@@ -29,7 +29,7 @@ def motion_picture(motion: Motion, *, frames: int = 6, title: str | None = None)
 
     Args:
         motion: motion of any robot.
-        frames: number of poses, equally spaced in time from beginning to end; at least 2.
+        frames: number of poses, equally spaced in time, see ``robots.view.film.poses_of``; at least 2.
         title: title of the picture; by default the motion's name.
 
     Raises:

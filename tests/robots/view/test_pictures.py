@@ -13,7 +13,7 @@ from PIL import Image
 
 from robots.view import film
 from robots.view.colouring import FLOOR, GRIPS, PLAIN, SLIDES, colouring
-from robots.view.film import pictures, save_gif, save_mp4, save_strip, strip_picture
+from robots.view.film import pictures, poses_of, save_gif, save_mp4, save_strip, strip_picture
 from robots.view.mesh import BOX_CELLS, faces
 from robots.view.motion import BALL, Channel, Motion, Node
 from robots.view.picture import draw_channels
@@ -224,6 +224,26 @@ def test_times_below_poses_are_told_in_as_many_digits_as_tell_them_apart():
     swift = replace(motion, times=motion.times / motion.times[-1] * 0.05)
     told = [text.get_text() for text in strip_picture(swift, frames=6).figure.axes[0].texts[:-1]]
     assert float(told[-1].removesuffix(" s")) == 0.05 and len(set(told)) == len(told)
+
+
+def test_poses_of_a_cycle_are_spread_over_its_phases():
+    """A gait of 1 Hz of 5 s would be shown at 0, 1, ... 5 s, always in one phase, as if it did not move."""
+    walker = motions.soft_walker()
+    places = np.arange(501) % len(walker.times)
+
+    def poses(period, count=6):
+        several = {name: getattr(walker, name)[places] for name in ("translation", "rotation", "scale", "path")}
+        seen = replace(walker, times=0.01 * np.arange(501), lattice=None, centre_of_mass=(), period=period, **several)
+        return [round(0.01 * frame, 2) for frame in poses_of(seen, count)]
+
+    for period in (0.0, 0.7, 5.0, 100.0):
+        assert poses(period) == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    for period in (0.25, 0.5, 1.0, 0.99, 2.0):
+        times = poses(period)
+        phases = np.sort(np.array(times) / period % 1)
+        assert times[0] == 0 and 5.0 - period <= times[-1] <= 5.0
+        assert np.diff(phases, append=1).min() > 0.1 and np.ptp(np.diff(times)) <= 0.011
+    assert len(poses(0.01)) == 6 and poses(1.0, 2) == [0.0, 5.0]
 
 
 def test_a_film_is_as_long_as_told():
