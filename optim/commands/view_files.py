@@ -23,8 +23,8 @@ APPEARANCE = (
     Option("at", "time of the picture (default: the end)", options.number(0.0, unit="s"), "SECONDS"),
     Option(
         "colour",
-        "of voxel robots: material; strain of links; contact with the floor and the robot itself; friction of feet; or "
-        "beams and pressure (default: material)",
+        "of voxel robots: material; strain of links; contact with the floor and the robot itself; friction of feet; "
+        "channel that drives them; or beams and pressure (default: material)",
         choices=COLOURS,
         default="material",
     ),

@@ -1,7 +1,7 @@
 """Names of the colourings in which views show robots. Imports nothing heavy, so that commands can list them."""
 
 BEAMS = "beams"  # shows links and pressure in place of faces
-COLOURS = ("material", "strain", "contact", "friction", BEAMS)
+COLOURS = ("material", "strain", "contact", "friction", "channel", BEAMS)
 
 
 def listed(names: tuple[str, ...]) -> str:

@@ -17,19 +17,21 @@ RINGS, SECTORS = 6, 20  # of a hemisphere
 SIGNS = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
 
 
-def faces(motion: Motion, frame: int = -1) -> tuple[Floats, Ints]:
+def faces(motion: Motion, frame: int = -1, inner: Ints | None = None) -> tuple[Floats, Ints]:
     """Faces of a motion in a frame, and the node that each belongs to.
 
     Args:
         motion: motion to draw.
         frame: number of the frame.
+        inner: faces of joined cubes to show beside those of their skin: cube and side, shape (M, 2).
 
     Returns:
         Corners, counter-clockwise as seen from outside [m], shape (N, 4, 3), of which two may coincide; numbers of
         the nodes, shape (N,).
     """
     if motion.skin is not None:
-        return joined_faces(boxes(motion, frame), motion.skin.knots, motion.skin.faces)
+        seen = motion.skin.faces if inner is None else np.concatenate([motion.skin.faces, inner])
+        return joined_faces(boxes(motion, frame), motion.skin.knots, seen)
     places, turns, scales = motion.translation[frame], motion.rotation[frame], motion.scale[frame]
     forms = [_form(node.solid) for node in motion.nodes]
     owners = np.repeat(np.arange(len(forms)), [len(form) for form in forms])

@@ -93,7 +93,7 @@ class Polygons:
 
     Attributes:
         corners: corners of its faces, those at the back first [m], shape (N, 4, 2).
-        colours: colours of the faces: red, green, blue from 0 to 1, shape (N, 3).
+        colours: colours of the faces: red, green, blue from 0 to 1, shape (N, 3), or also opacity, shape (N, 4).
         shadow: shadow of the faces, on the ground straight below [m], shape (M, 4, 2).
         uneven: whether the ground is uneven.
     """
@@ -105,7 +105,12 @@ class Polygons:
 
 
 def paint(
-    quads: Floats, colours: Floats, camera: Camera, level: float | None, relief: Relief | None = None
+    quads: Floats,
+    colours: Floats,
+    camera: Camera,
+    level: float | None,
+    relief: Relief | None = None,
+    opacity: Floats | None = None,
 ) -> Polygons:
     """Project and light faces in space, and project their shadow.
 
@@ -115,6 +120,7 @@ def paint(
         camera: camera that looks at them.
         level: z of the ground [m]; None if there is no ground for shadows.
         relief: heights of uneven ground over ``level``.
+        opacity: of the faces, from 0 to 1, shape (N,); None if all are opaque.
     """
     normals = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-30
@@ -124,6 +130,8 @@ def paint(
     light = LIGHT @ camera.frame / np.linalg.norm(LIGHT)
     brightness = AMBIENT + (1.05 - AMBIENT) * np.clip(normals @ light, 0, None)
     shown = np.clip(colours * brightness[:, None], 0, 1)[visible]
+    if opacity is not None:
+        shown = np.column_stack([shown, opacity[visible]])
     lit = quads[normals @ camera.frame[2] > 0] if level is not None else quads[:0]
     return Polygons(
         camera.project(quads[visible]), shown, shadow(lit, camera, level or 0.0, relief), relief is not None

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WIDTH, TITLE_HEIGHT, KEY_HEIGHT, EDGE = 6.4, 0.36, 0.5, 0.12  # [inches]
+KEY_LETTERS = 90  # of a line of a key
 DOTS_PER_INCH = 150
 MARGIN = 0.25  # ground around a robot, in lengths of the robot
 REACH = 6.0  # default length of the ground in a picture, in lengths of the robot
@@ -103,17 +104,19 @@ class Setting:
 
     def polygons(self, frame: int) -> Polygons:
         """Polygons of a frame on paper, with the lights."""
-        quads, owners = faces(self.motion, frame)
+        quads, owners = faces(self.motion, frame, self.colouring.inner)
         colours, relief = self.colouring.of(frame)[owners], self.motion.ground.relief
+        opacity = None if self.colouring.opacity is None else self.colouring.opacity[owners]
         if relief is not None:
             seen = ~hidden(quads.mean(axis=1), relief, self.motion.ground.level, self.camera)
-            quads, colours = quads[seen], colours[seen]
+            quads, colours, opacity = quads[seen], colours[seen], None if opacity is None else opacity[seen]
             wet = below_water(quads[..., 2].mean(axis=1) - self.motion.ground.level, relief)
             colours = colours * np.where(wet[:, None], WATER_TINT, 1.0)
         for light in self.lights:
             ball = ball_at(light, self.motion.light_radius)
             quads, colours = np.concatenate([quads, ball]), np.concatenate([colours, [LIGHT_COLOUR] * len(ball)])
-        return paint(quads, colours, self.camera, self.level, relief)
+            opacity = None if opacity is None else np.append(opacity, np.ones(len(ball)))
+        return paint(quads, colours, self.camera, self.level, relief, opacity)
 
     def way(self, frame: int) -> Floats:
         """Path up to a frame on paper, shape (K, 2) [m], from where it last enters the visible ground."""
@@ -338,10 +341,11 @@ def draw_key(figure: Figure, colours: Colouring, place: tuple[float, float, floa
         bar.set_xlabel("strain of links [%]", fontsize=8, color=INK, labelpad=1)
         bar.tick_params(labelsize=7, labelcolor=INK, length=2)
     elif colours.key:
+        rows = 1 + (sum(len(name) + 4 for name, _ in colours.key) > KEY_LETTERS)
         figure.legend(
             handles=[Line2D([], [], marker="s", ls="", ms=8, color=colour, label=name) for name, colour in colours.key],
             loc="center",
-            ncols=len(colours.key),
+            ncols=-(-len(colours.key) // rows),
             frameon=False,
             fontsize=8,
             labelcolor=INK,

@@ -188,7 +188,7 @@ def nothing_simulated(monkeypatch):
 @pytest.mark.usefixtures("nothing_simulated")
 def test_strips_of_beams_are_refused_before_any_work(morpholab):
     code, _, error = morpholab("view rolling --strip a.png --colour beams --quiet")
-    told = "colour: beams is not allowed for a strip; give material, strain, contact or friction"
+    told = "colour: beams is not allowed for a strip; give material, strain, contact, friction or channel"
     assert (code, error) == (2, f"morpholab view: error: {told}\n")
 
 

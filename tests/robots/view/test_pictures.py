@@ -11,14 +11,17 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from PIL import Image
 
+from robots.lattice_robot import Drive, LatticeRobot
 from robots.view import film
-from robots.view.colouring import FLOOR, GRIPS, PLAIN, SLIDES, colouring
+from robots.view.colouring import FLOOR, GRIPS, PLAIN, SEEN_THROUGH, SLIDES, colouring
 from robots.view.film import pictures, poses_of, save_gif, save_mp4, save_strip, strip_picture
 from robots.view.mesh import BOX_CELLS, faces
 from robots.view.motion import BALL, Channel, Motion, Node
 from robots.view.picture import draw_channels
 from robots.view.scene import Camera, paint
 from robots.view.still import default_camera, draw_motion, save_still, setting, still_picture
+from robots.world import Terrain
+from taichi_sim.lattice import Material, body_from_array
 from taichi_sim.rigid import Box, Capsule
 
 pytestmark = pytest.mark.kernels
@@ -224,6 +227,46 @@ def test_times_below_poses_are_told_in_as_many_digits_as_tell_them_apart():
     swift = replace(motion, times=motion.times / motion.times[-1] * 0.05)
     told = [text.get_text() for text in strip_picture(swift, frames=6).figure.axes[0].texts[:-1]]
     assert float(told[-1].removesuffix(" s")) == 0.05 and len(set(told)) == len(told)
+
+
+def of_channels(cells, drives) -> Motion:
+    """A body of cells, a region for each number from 1 on, with drives and a resting pose."""
+    body = body_from_array(cells > 0, [Material(1e5, 1e3, name="foam")], 0.01, regions=np.maximum(cells - 1, 0))
+    robot = LatticeRobot(body, drives, cycles=1, settling=0.01)
+    found = robot.simulate((), Terrain(), record_every=10_000)
+    return robot.motion(found, Terrain(), "robot")
+
+
+def test_channels_are_coloured_and_shine_through_what_nothing_drives(tmp_path):
+    cells = np.ones((5, 3, 3), int)
+    cells[1:3, 1, 1], cells[3, 1, 1] = 2, 3  # two muscles within the body
+    motion = of_channels(cells, (Drive("bar", (1,), amplitude=0.1), Drive("a very long name", (2,), amplitude=0.1)))
+    found = colouring(motion, "channel")
+    colours, driven = found.of(0), cells[tuple(motion.lattice.body.voxels.T)] - 2
+    assert [name for name, _ in found.key] == ["bar scale", "a very long nam…", "not driven"]
+    for channel, (_, colour) in zip((0, 1, -1), found.key, strict=True):
+        assert (colours[driven == channel] == colour).all() and (driven == channel).any()
+    assert (found.opacity[driven >= 0] == 1).all() and (found.opacity[driven < 0] < 0.5).all()
+    voxels, sides = found.inner.T
+    assert (driven[voxels] >= 0).all() and len(voxels) == 10 + 6  # those of a bar of two and of a cube
+    places = motion.lattice.body.voxels[voxels] + np.array([-1, 1])[sides % 2, None] * np.eye(3, dtype=int)[sides // 2]
+    assert (cells[tuple(places.T)] - 2 != driven[voxels]).all()
+    drawn = setting(motion, [0], colour="channel").polygons(0)
+    plain = setting(motion, [0]).polygons(0)
+    assert set(drawn.colours[:, 3]) == {1.0, SEEN_THROUGH} and len(drawn.corners) > len(plain.corners)
+    assert plain.colours.shape[1] == 3 and save_still(motion, tmp_path / "a.png", colour="channel") > 1000
+    assert save_strip(motion, tmp_path / "b.png", colour="channel", frames=2) > 1000
+
+
+def test_many_channels_differ_and_the_key_has_room():
+    cells = np.arange(1, 15).reshape(7, 2, 1)
+    motion = of_channels(cells, tuple(Drive(f"m{n}", (n,), amplitude=0.1) for n in range(14)))
+    found = colouring(motion, "channel")
+    assert len(np.unique(found.of(0), axis=0)) == 14 and (found.opacity == 1).all()
+    assert [name for name, _ in found.key] == [*(f"m{n} scale" for n in range(9)), "5 more"]
+    still = of_channels(np.ones((2, 1, 1), int), (Drive("rest", (0,)),))
+    with pytest.raises(ValueError, match=r"^colour: channel is not allowed for robot, which nothing drives; give"):
+        colouring(still, "channel")
 
 
 def test_poses_of_a_cycle_are_spread_over_its_phases():
