@@ -129,7 +129,8 @@ def robot_of_mesh(
     body = body_from_array(kinds, materials, found.pitch, regions=np.maximum(labels - 1 + rest, 0))
     # Robots stand on the floor, so the body may be moved down.
     origin = (found.origin + found.pitch * body.voxels[:, 2].min() * np.array([0, 0, 1])).tolist()
-    return LatticeRobot(body, tuple(drives), **{"name": Path(path).stem, "origin": tuple(origin), **settings})
+    usual = {"name": Path(path).stem, "origin": tuple(origin), **({} if muscles else {"cycles": 1})}
+    return LatticeRobot(body, tuple(drives), **{**usual, **settings})
 
 
 def _check_regions(regions: Sequence[MarkedRegion]) -> None:
