@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from functools import cached_property, partial
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any, cast
 
 from numpy.typing import ArrayLike
@@ -61,7 +61,8 @@ class FileProblem(PlainProblem):
             ValueError: if that fails, or the source defines no problem.
         """
         self.file, self.source, self._folder = file, source, folder
-        names, self._run_as = _run(file, source, folder)
+        self._modules: dict[str, ModuleType] = {}  # beside the file, of which another folder has some of the same names
+        names, self._run_as = _run(file, source, folder, self._modules)
         self._problem = _defined(names, file)
         self._kept: dict[str, str] | None = None
         super().__init__(self._problem.space, objectives_of(self._problem))
@@ -86,7 +87,7 @@ class FileProblem(PlainProblem):
     @contextlib.contextmanager
     def _at_work(self) -> Iterator[None]:
         """Run functions of the file inside: they are blamed for what they raise, and may import modules beside it."""
-        with blamed(self.file, self._run_as), modules_beside(self._folder):
+        with blamed(self.file, self._run_as), modules_beside(self._folder, self._modules):
             yield
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
@@ -224,12 +225,12 @@ def check_file(problem: FileProblem, known: Mapping[str, Any], folder: Path) -> 
     problem.keep_design(known)
 
 
-def _run(file: str, source: bytes, folder: str) -> tuple[SimpleNamespace, str]:
+def _run(file: str, source: bytes, folder: str, kept: dict[str, ModuleType]) -> tuple[SimpleNamespace, str]:
     """The names that a source defines, with the folder on the path of modules; and the path under which it ran."""
     with tempfile.TemporaryDirectory() as aside:
         copy = Path(aside) / file  # what is run is what was read, whatever becomes of the file
         copy.write_bytes(source)
-        with users_code(f"problem: {file}"), modules_beside(folder):
+        with users_code(f"problem: {file}"), modules_beside(folder, kept):
             return SimpleNamespace(**runpy.run_path(str(copy), run_name="morpholab_problem")), str(copy)
 
 

@@ -42,7 +42,7 @@ def misplaced(channels: Sequence[str], lines: Sequence[ChannelLine]) -> str:
 def lines_of(channels: Sequence[str], lines: Sequence[ChannelLine]) -> tuple[ChannelLine, ...]:
     """The line that each channel is on: that of its name if all channels have names of lines, else in order.
 
-    A blank, or what else no line has in its name, is ``_``: the channel ``legs 1`` is on the line ``legs_1``.
+    Only letters and digits count, in either case: the channel ``legs 1`` is on the line ``Legs_1``.
 
     Args:
         channels: names of a robot's channels, at most as many as lines.
@@ -60,8 +60,13 @@ def lines_of(channels: Sequence[str], lines: Sequence[ChannelLine]) -> tuple[Cha
 
 def _named(channels: Sequence[str], lines: Sequence[ChannelLine]) -> list[ChannelLine | None]:
     """The line with the name of each channel; None where there is none."""
-    by_name = {line.name: line for line in lines}
-    return [by_name.get(re.sub(r"[^A-Za-z0-9]", "_", channel)) for channel in channels]
+    by_name = {_letters(line.name): line for line in lines}
+    return [by_name.get(_letters(channel)) for channel in channels]
+
+
+def _letters(name: str) -> str:
+    """Letters and digits of a name, in lower case: ``bladder 2``, ``Bladder_2`` and ``bladder2`` name the same."""
+    return re.sub(r"[^a-z0-9]", "", name.lower())
 
 
 @dataclass(frozen=True)

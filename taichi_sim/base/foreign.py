@@ -54,29 +54,33 @@ def users_code(file: object) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def modules_beside(folder: str | os.PathLike[str]) -> Iterator[None]:
+def modules_beside(folder: str | os.PathLike[str], kept: dict[str, ModuleType] | None = None) -> Iterator[None]:
     """Run a user's file of a folder inside, which may import the modules beside it.
 
     It does not get those that a file of another folder, or the user's own program, has imported by the same names;
-    these have theirs again afterwards.
+    these have theirs again afterwards. Its own of these names are put into ``kept``, and taken from there if it is
+    given again, so that they run once.
     """
     place = Path(os.path.realpath(folder))
     aside = _set_aside(place)
+    own = {} if kept is None else kept
+    sys.modules.update(own)
     sys.path.insert(0, str(place))
     try:
         yield
     finally:
         with contextlib.suppress(ValueError):  # the file may have changed the path itself
             sys.path.remove(str(place))
-        for name in {each.partition(".")[0] for each in aside}:
-            _forget(name)
+        for name in {each.partition(".")[0] for each in (*aside, *own)}:
+            own.update(_forget(name))
         sys.modules.update(aside)
 
 
 def _set_aside(place: Path) -> dict[str, ModuleType]:
     """Take away modules of other folders that are called as those of this one are; return them."""
     found: dict[str, ModuleType] = {}
-    for name in {each.partition(".")[0] for each in sys.modules} - {*OWN_PACKAGES, *sys.stdlib_module_names}:
+    there = {each.removesuffix(".py") for each in _names_in(place)} - {*OWN_PACKAGES, *sys.stdlib_module_names}
+    for name in there & {each.partition(".")[0] for each in [*sys.modules]}:
         file = getattr(sys.modules.get(name), "__file__", None)
         is_named_so = (place / f"{name}.py").is_file() or (place / name / "__init__.py").is_file()
         if is_named_so and isinstance(file, str) and not _lies_in(place, name) and not _is_installed(file):
@@ -84,9 +88,18 @@ def _set_aside(place: Path) -> dict[str, ModuleType]:
     return found
 
 
+def _names_in(folder: Path) -> list[str]:
+    """Names of what is in a folder; none if it cannot be read."""
+    try:
+        return os.listdir(folder)
+    except OSError:
+        return []
+
+
 def _forget(name: str) -> dict[str, ModuleType]:
     """Take a module and those in it away, and return them."""
-    return {each: sys.modules.pop(each) for each in [*sys.modules] if each.partition(".")[0] == name}
+    found = {each: sys.modules.pop(each, None) for each in [*sys.modules] if each.partition(".")[0] == name}
+    return {each: module for each, module in found.items() if module is not None}  # another thread may be faster
 
 
 def _is_installed(file: str) -> bool:

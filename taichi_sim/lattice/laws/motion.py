@@ -48,14 +48,14 @@ def placed(x, y, z, qw, qx, qy, qz, px, py, pz, lx, ly, lz, inverse_mass, invers
 def held_rotation(qw, qx, qy, qz, rx, ry, rz, hold_x, hold_y, hold_z):
     """Orientation with the prescribed components r of its rotation vector where the world holds them (hold = 1).
 
-    Of the two quaternions of an orientation it is the one nearer to the old, so that a voxel may turn right round:
-    neighbours of unlike signs would be a whole turn apart.
+    Of the two quaternions of an orientation it is the one nearer to the old where some turn is free, so that a voxel
+    may turn right round: neighbours of unlike signs would be a whole turn apart. Where all are held, it is that of r.
     """
     tx, ty, tz = to_rotation_vector(qw, qx, qy, qz)
     w, x, y, z = from_large_rotation_vector(
         select(hold_x > 0.5, rx, tx), select(hold_y > 0.5, ry, ty), select(hold_z > 0.5, rz, tz)
     )
-    turned = w * qw + x * qx + y * qy + z * qz < 0.0
+    turned = (w * qw + x * qx + y * qy + z * qz < 0.0) & (hold_x + hold_y + hold_z < 2.5)
     w, x = select(turned, 0.0 - w, w), select(turned, 0.0 - x, x)
     y, z = select(turned, 0.0 - y, y), select(turned, 0.0 - z, z)
     # Where nothing is held, the orientation stays as it is, to the last bit.

@@ -172,10 +172,11 @@ def test_functions_of_a_users_problem_import_the_modules_beside_it(tmp_path):
     problems = []
     for folder, slope in (("a", 1.0), ("b", 2.0)):
         (tmp_path / folder).mkdir()
-        (tmp_path / folder / "slope_of_mine.py").write_text(f"def of(points):\n    return {slope} * points[:, 0]\n")
+        module = f"CALLS = []\ndef of(points):\n    CALLS.append(1)\n    return {slope} * len(CALLS) * points[:, 0]\n"
+        (tmp_path / folder / "slope_of_mine.py").write_text(module)
         (tmp_path / folder / "problem.py").write_text("\n".join(lines))
         problems.append(load_problem(tmp_path / folder / "problem.py"))
-    assert [problem.evaluate([[0.5]]).objectives[0, 0] for problem in (*problems, *problems)] == [0.5, 1.0, 0.5, 1.0]
+    assert [problem.evaluate([[0.5]]).objectives[0, 0] for problem in (*problems, *problems)] == [0.5, 1.0, 1.0, 2.0]
 
 
 @pytest.mark.filterwarnings("ignore:model. ignored")
@@ -390,7 +391,7 @@ def test_the_examples_are_short_and_load():
     from robots.robot import KINDS
 
     files = sorted(EXAMPLES.glob("*.py"))
-    assert [path.stem for path in files] == ["freeform", "inchworm", "starfish", "voxel_walker"]
+    assert [path.stem for path in files] == ["flat_array", "freeform", "inchworm", "starfish", "voxel_walker"]
     for path in files:
         assert len(path.read_text().splitlines()) <= 40, path
         assert KINDS["lattice"].build(str(path), {}).parameters, path

@@ -165,6 +165,16 @@ def test_a_bar_that_is_held_in_a_plane_turns_right_round():
     assert ends[0] == pytest.approx(ends[1], abs=1e-9)
 
     fixed = np.zeros((4, 6), bool)
+    fixed[[0, 3]] = True
+    engine = LatticeEngine(block(Material(1e6, 1000), 4, 1, 1, fixed=fixed, regions=np.arange(4) // 3))
+    builder = ProgramBuilder(1)
+    for end, told in enumerate((3.1, 3.2)):  # at once: the ends are a tenth apart, not a whole turn
+        builder.set(Quantity.ROTATION, told, regions=[end])
+    engine.run(builder.build(20_000))
+    twists = 2 * np.arctan2(engine.state().orientations[0, :, 1], engine.state().orientations[0, :, 0])
+    assert twists[[0, 3]] == pytest.approx([3.1, 3.2]) and (np.diff(twists) > 0.02).all()
+
+    fixed = np.zeros((4, 6), bool)
     fixed[0] = True
     engine = LatticeEngine(block(Material(1e6, 1000), 4, 1, 1, fixed=fixed, regions=np.arange(4) > 0))
     turn = np.pi * 1.5
