@@ -85,7 +85,7 @@ class ArticulatedKind(RobotKind):
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a file."""
-        from robots.articulated.robot import load_robot
+        from robots.articulated.loading import load_robot
         from robots.articulated.sizes import joined
 
         if source is None:
@@ -135,6 +135,6 @@ class ArticulatedKind(RobotKind):
 
     def from_description(self, description: Mapping[str, Any]) -> Robot:
         """The robot of a record."""
-        from robots.articulated.robot import robot_of_record
+        from robots.articulated.loading import robot_of_record
 
         return robot_of_record(description)

@@ -1,18 +1,16 @@
 """Descriptions of articulated robots: the model of a file, and what commands its drives."""
 
 import math
-import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.articulated.records import FORMER_SLIP, USUAL_RATE, record_of, updated
+from robots.articulated.records import USUAL_RATE, record_of
 from robots.articulated.reflexes import PARTS, DriveReflexes, network_of
 from robots.articulated.senses import checked_place
 from robots.articulated.simulation import ArticulatedResult, felt_over_time, sensed_of, try_points, unsettled
@@ -26,11 +24,10 @@ from taichi_sim import rigid
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
-from taichi_sim.base.files import read_text
 from taichi_sim.base.short_text import counted
 from taichi_sim.rigid import Network, Senses, Tree
-from taichi_sim.rigid.model.assembly import Model, check_start
-from taichi_sim.rigid.model.files import parse_model, read_model
+from taichi_sim.rigid.model.assembly import Model
+from taichi_sim.rigid.model.files import parse_model
 
 if TYPE_CHECKING:
     from robots.uncertainty import Perturbation
@@ -43,7 +40,6 @@ MEASURES = (
     Measure("distance", "m", "distance along its heading"),
 )
 READING = ("angles", "fixed", "speed", "fastest", "time_step")  # settings that say how the file is read
-OF_RHYTHMS = ("slowest", "quickest", "command_rate")  # settings of which a network has no use
 STEADY = 16  # commands of a cycle at least, with which coupled oscillators are stable
 
 
@@ -349,49 +345,3 @@ class ArticulatedRobot(Robot):
     def at_horizon(self, length: int) -> tuple[str, "ArticulatedRobot"]:
         """Return a label and the robot with a trial of ``length`` seconds."""
         return counted(length, "second"), replace(self, duration=float(length))
-
-
-def robot_of_record(record: Mapping[str, Any]) -> ArticulatedRobot:
-    """The robot that ``ArticulatedRobot.describe`` described.
-
-    Raises:
-        ValueError: for values that are not allowed.
-        TypeError: for a damaged record.
-    """
-    friction = math.inf if record.get("friction") == "inf" else record.get("friction")
-    felt = record.get("reflexes")
-    reflexes = None if felt is None else checks.built(DriveReflexes, felt)
-    with warnings.catch_warnings():  # what of the file is ignored was told when it was first read
-        warnings.simplefilter("ignore")
-        given = {"slip": FORMER_SLIP, **updated(record), "friction": friction, "reflexes": reflexes}
-        return checks.built(ArticulatedRobot, given)
-
-
-def load_robot(path: str | PathLike[str], **settings: Any) -> ArticulatedRobot:
-    """Load a robot from an MJCF or URDF file, and name it after the file.
-
-    Args:
-        path: path of the file.
-        **settings: fields of :class:`ArticulatedRobot`.
-
-    Raises:
-        ValueError: for a file that cannot be read, is no such model, or starts deep in the ground, and for settings
-            that would have no effect; it names the file.
-    """
-    text = read_text(path)
-    try:
-        _check_effect(settings)
-        reading = {name: value for name, value in settings.items() if name in READING}
-        check_start(read_model(text, **reading).tree)  # before anything is told of a robot that is refused
-        return ArticulatedRobot(text, **{"name": Path(path).stem, **settings})
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-
-
-def _check_effect(settings: Mapping[str, Any]) -> None:
-    """Refuse settings of rhythms beside a network, where they do nothing; records may have them."""
-    usual = {each.name: each.default for each in fields(ArticulatedRobot) if each.name in OF_RHYTHMS}
-    for name, kept in usual.items() if settings.get("controller") == "network" else ():
-        if (value := settings.get(name, kept)) != kept:
-            out = "leave it out" if kept is None else f"leave it at {kept:g}"
-            raise ValueError(f"{name}: {value!r} is not allowed with a network, which has no rhythm; {out}")

@@ -12,8 +12,8 @@ from articulated_files import CRAWLER
 
 from optim.named import robot as robot_named
 from robots.articulated import ArticulatedRobot, differentiate, load_robot, simulate
+from robots.articulated.loading import robot_of_record
 from robots.articulated.reflexes import DriveReflexes
-from robots.articulated.robot import robot_of_record
 from robots.articulated.simulation import centre_slopes, centres, rhythm
 from robots.articulated.worlds import GROUND, ground_place, relief_under
 from robots.own_measures import OwnMeasure

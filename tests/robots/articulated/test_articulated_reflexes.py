@@ -10,8 +10,8 @@ from articulated_files import CART, CRAWLER
 
 from robots.articulated import ArticulatedRobot, DriveReflexes, differentiate, simulate
 from robots.articulated.kind import REFLEXES
+from robots.articulated.loading import robot_of_record
 from robots.articulated.reflexes import ReflexLoop, Rhythms, network_of
-from robots.articulated.robot import robot_of_record
 from robots.articulated.senses import SENSES, DriveReader, Sensed
 from robots.robot import find_robot, load_design, make_robot
 from robots.world import Terrain

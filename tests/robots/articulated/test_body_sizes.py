@@ -10,7 +10,7 @@ from articulated_files import CART, CRAWLER
 from optim.named import robot as robot_named
 from robots.articulated import ArticulatedRobot, DriveReflexes, differentiate, simulate
 from robots.articulated.kind import ArticulatedKind
-from robots.articulated.robot import robot_of_record
+from robots.articulated.loading import robot_of_record
 from robots.articulated.sizes import size_of_text
 from robots.articulated.worlds import GROUND
 from robots.free import Free

@@ -9,8 +9,8 @@ from articulated_files import CRAWLER
 from morpholab import OwnMeasure
 from robots.articulated import ArticulatedRobot, DriveReflexes, differentiate, load_robot, simulate
 from robots.articulated.kind import ArticulatedKind
+from robots.articulated.loading import robot_of_record
 from robots.articulated.rigid_motion import RigidMotion
-from robots.articulated.robot import robot_of_record
 from robots.uncertainty import Perturbation, Uncertainty
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute

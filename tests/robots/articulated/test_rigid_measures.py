@@ -9,7 +9,7 @@ from articulated_files import CRAWLER
 from morpholab import OwnMeasure
 from optim.problems.robot import RobotProblem
 from robots.articulated import ArticulatedRobot
-from robots.articulated.robot import robot_of_record
+from robots.articulated.loading import robot_of_record
 from robots.articulated.worlds import GROUND
 from robots.robot import load_design
 from robots.world import Terrain
