@@ -74,6 +74,22 @@ class Abilities:
         """
         raise ValueError(f"voxels: {KINDS.of(self).title} has no such file; leave it out")
 
+    def save_model(self, point: ArrayLike, path: Path) -> list[str]:
+        """Write the bodies of a design as a model of rigid bodies for other simulators; return what it leaves out.
+
+        Raises:
+            ValueError: if robots of this kind are no such model, or the file cannot hold it.
+        """
+        raise ValueError(f"model: {KINDS.of(self).title} has no such file; leave it out")
+
+    def save_commands(self, point: ArrayLike, path: Path) -> None:
+        """Write what the drives of a design are told over time as a CSV table.
+
+        Raises:
+            ValueError: if robots of this kind have no such drives, or decide as they move.
+        """
+        raise ValueError(f"commands: {KINDS.of(self).title} has no such table; leave it out")
+
     @property
     def lasts(self) -> float:
         """Time that a motion takes, if nothing ends it before [s]; infinite where only a simulation tells."""

@@ -32,6 +32,8 @@ assert main("codesign --robot vehicle --generations 3 --quiet --out runs/a".spli
 import shutil
 import gymnasium
 shutil.copy(gymnasium.__path__[0] + "/envs/mujoco/assets/ant.xml", "ant.xml")
+from optim.cli import main
+assert main("export ant.xml --duration 2 --body-sizes aux_*=1.3 --model legs.xml --commands legs.csv".split()) == 0
 """,
     "exploring": """
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""``morpholab export``: a designed gait for the hardware."""
+"""``morpholab export``: a designed gait and body for the hardware and for other simulators."""
 
 import argparse
 import os
@@ -23,12 +23,13 @@ if TYPE_CHECKING:
 REFUSED = 2  # exit code, as of other input that is not allowed
 PICTURES = (".pdf", ".png", ".svg")
 TABLES = ("csv", "plain", "c_header")
-OUTPUTS = (*TABLES, "plot", "voxels", "parts")  # options that name what is written
+OUTPUTS = (*TABLES, "plot", "voxels", "parts", "model", "commands")  # options that name what is written
 COMMAND = Command(
     "export",
     "write a gait for the hardware, surfaces to print, or a mould",
     "Write the pressures that play a gait on a pneumatic rig, within its limits, as CSV; of a lattice robot also its "
-    "surfaces for printers, a mould to cast it in, and a file for other simulators.",
+    "surfaces for printers, a mould to cast it in, and a file for other simulators; of a robot from an MJCF or URDF "
+    "file that file with bodies of the design's sizes, and what its drives are told.",
     (
         path_to(
             "source", "RUN", "inching or rolling, folder of a run, file of a design, or a gait table as CSV", words="1"
@@ -77,6 +78,8 @@ COMMAND = Command(
             metavar="SETTINGS",
         ),
         path_to("voxels", "FILE", "new, for other simulators: a .vxa, or a .vxl.json of the body alone"),
+        path_to("model", "FILE", "new: the MJCF or URDF file of a robot of such a file, with bodies of their sizes"),
+        path_to("commands", "FILE", "new: a CSV table of the angles or rates that drives of such a robot are told"),
         count("member", 1, "the Nth design that the search keeps, as in front.json (default: the best design)"),
     ),
     kinds=kinds_of_words,
@@ -89,7 +92,7 @@ def run(args: argparse.Namespace) -> Report:
     if args.mould is not None and args.parts is None:
         raise ValueError("mould: it needs a place; give --parts as well, a .3mf file or a folder")
     wanted = args.csv or args.dry_run or args.plot or args.plain or args.c_header
-    if not (wanted or args.parts or args.voxels):
+    if not (wanted or any(getattr(args, name) for name in OUTPUTS)):
         raise ValueError("csv: is missing; name the file to write, or ask for --dry-run or --plot")
     if args.plot and args.plot.suffix.lower() not in PICTURES:
         raise ValueError(f"plot: {args.plot} is not allowed; give a file that ends in {', '.join(PICTURES)}")
@@ -158,13 +161,21 @@ def _begun(made: list[Path], field: str, path: Path) -> Path:
 
 
 def _write_bodies(args: argparse.Namespace, robot: Robot, made: list[Path]) -> tuple[dict[str, Any], list[str]]:
-    """Write surfaces and voxels, if they are asked for; what machines and people are told."""
+    """Write bodies and commands of drives, if they are asked for; what machines and people are told."""
     document: dict[str, Any] = {}
     lines: list[str] = []
     if args.voxels:
         robot.save_voxels(_begun(made, "voxels", args.voxels))
         document["voxels"] = str(args.voxels)
         lines.append(f"{args.voxels}: voxels")
+    if args.model:
+        untold = robot.save_model(robot.start, _begun(made, "model", args.model))
+        document["model"] = {"path": str(args.model), "untold": untold}
+        lines.extend([f"{args.model}: the robot's file with these bodies", *(f"note: {each}" for each in untold)])
+    if args.commands:
+        robot.save_commands(robot.start, _begun(made, "commands", args.commands))
+        document["commands"] = str(args.commands)
+        lines.append(f"{args.commands}: what its drives are told, in rad or rad/s")
     if args.parts:
         place = _begun(made, "parts", args.parts)
         try:

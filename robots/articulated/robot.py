@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +27,7 @@ from taichi_sim.base.compute import Compute
 from taichi_sim.base.short_text import counted
 from taichi_sim.rigid import Network, Senses, Tree
 from taichi_sim.rigid.model.assembly import Model
-from taichi_sim.rigid.model.files import parse_model
+from taichi_sim.rigid.model.files import Reading, parse_model
 
 if TYPE_CHECKING:
     from robots.uncertainty import Perturbation
@@ -39,7 +39,7 @@ MEASURES = (
     Measure("speed", "m/s", "speed along its heading"),
     Measure("distance", "m", "distance along its heading"),
 )
-READING = ("angles", "fixed", "speed", "fastest", "time_step")  # settings that say how the file is read
+READING = tuple(Reading.__annotations__)  # settings that say how the file is read
 STEADY = 16  # commands of a cycle at least, with which coupled oscillators are stable
 
 
@@ -130,7 +130,7 @@ class ArticulatedRobot(Robot):
             checks.positive("slip", self.slip)
         if self.light is not None:
             object.__setattr__(self, "light", checked_place("light", self.light))
-        model = parse_model(self.text, **{name: getattr(self, name) for name in READING})
+        model = parse_model(self.text, **self.reading)
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "body_sizes", checked_sizes(self.body_sizes))
         _ = self.sizes  # which finds their bodies
@@ -160,6 +160,11 @@ class ArticulatedRobot(Robot):
         slowest, rate = STEADY * self.quickest, 1 / (self.hold * self.physics.time_step)
         if reflexes.kind == "oscillators" and slowest > rate * (1 + 1e-9):
             raise ValueError(f"command_rate: {rate:g} Hz is not allowed; give {slowest:g} or more")
+
+    @property
+    def reading(self) -> Reading:
+        """How the file is read."""
+        return cast(Reading, {name: getattr(self, name) for name in READING})
 
     @property
     def rhythm_size(self) -> int:
@@ -261,6 +266,18 @@ class ArticulatedRobot(Robot):
     def describe(self) -> dict[str, Any]:
         """Describe the robot as JSON values, from which :func:`robot_of_record` rebuilds it."""
         return record_of(self)
+
+    def save_model(self, point: ArrayLike, path: Path) -> list[str]:
+        """Write the robot's file with bodies of the sizes of a design; return what it does not tell of them."""
+        from robots.articulated.leaving import save_model
+
+        return save_model(self, point, path)
+
+    def save_commands(self, point: ArrayLike, path: Path) -> None:
+        """Write the angles and rates that a design tells its drives over time."""
+        from robots.articulated.leaving import save_commands
+
+        save_commands(self, point, path)
 
     @property
     def uncertain_in(self) -> tuple[str, ...]:  # type: ignore[override]

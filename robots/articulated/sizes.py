@@ -200,10 +200,13 @@ class Sizes:
             named = ", ".join(f"{name}={size:g}" for name, size in self.settled(sizes).items())
             raise ValueError(f"{FIELD}: with {named} {str(error).partition(': ')[2]}") from None
 
+    def factors(self, sizes: Floats) -> list[float]:
+        """The size of each body in the order of ``tree.ordered``, of some free sizes, (K,)."""
+        each = [float(size) for size in self.settled(sizes).values() if not isinstance(size, Free)]
+        return [1.0 if number < 0 else each[number] for number in self.which]
+
     def _tree(self, sizes: Floats) -> Tree:
-        left = iter(sizes.tolist())
-        each = [next(left) if isinstance(size, Free) else size for size in self.given.values()]
-        return scaled_tree(self.tree, [1.0 if number < 0 else each[number] for number in self.which])
+        return scaled_tree(self.tree, self.factors(sizes))
 
     def settled(self, sizes: Floats) -> dict[str, Size]:
         """What is given, with these sizes, (K,), in place of the free ones."""

@@ -8,12 +8,13 @@ from taichi_sim.base.parsing import DEEPEST
 LARGEST = 50_000_000  # characters
 
 
-def parse_xml(text: str, field: str = "model") -> ElementTree.Element:
+def parse_xml(text: str, field: str = "model", comments: bool = False) -> ElementTree.Element:
     """Parse an XML text and return its root.
 
     Args:
         text: the content of a file.
         field: its name in messages.
+        comments: whether comments within the root are kept, as elements whose tags are functions.
 
     Raises:
         ValueError: if the text is too long, too deep, no XML, or has a document type; nothing is expanded before.
@@ -41,6 +42,7 @@ def parse_xml(text: str, field: str = "model") -> ElementTree.Element:
         checker.StartDoctypeDeclHandler = refuse
         checker.StartElementHandler, checker.EndElementHandler = deeper, higher
         checker.Parse(text, True)
-        return ElementTree.fromstring(text)
+        builder = ElementTree.TreeBuilder(insert_comments=comments)
+        return ElementTree.fromstring(text, ElementTree.XMLParser(target=builder))
     except (expat.ExpatError, ElementTree.ParseError) as error:
         raise ValueError(f"{field}: this is no XML: {error}") from None

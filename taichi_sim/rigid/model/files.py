@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 from taichi_sim.base.checks import positive
 from taichi_sim.base.files import read_text
@@ -12,45 +13,10 @@ from taichi_sim.rigid.model.mjcf import read_mjcf
 from taichi_sim.rigid.model.urdf import read_urdf
 
 
-def load_model(
-    path: str | Path,
-    *,
-    angles: Mapping[str, float] | None = None,
-    fixed: bool = False,
-    speed: float = 10.0,
-    fastest: float = 10.0,
-    time_step: float | None = None,
-) -> Model:
-    """Read a robot from a file, with the settings and errors of :func:`parse_model` and :func:`check_start`.
+class Reading(TypedDict, total=False):
+    """How a file is read, in what it leaves open.
 
-    Errors name the file.
-    """
-    text = read_text(path)
-    try:
-        model = read_model(text, angles=angles, fixed=fixed, speed=speed, fastest=fastest, time_step=time_step)
-        check_start(model.tree)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    _tell(model)
-    return model
-
-
-def parse_model(
-    text: str,
-    *,
-    angles: Mapping[str, float] | None = None,
-    fixed: bool = False,
-    speed: float = 10.0,
-    fastest: float = 10.0,
-    time_step: float | None = None,
-) -> Model:
-    """Read a robot from the text of an MJCF or URDF file.
-
-    Bodies touch the ground, the plane z = 0, and nothing else. What the engine does not support is named in
-    one warning if the robot moves more or less alike without it; else it is an error.
-
-    Args:
-        text: content of the file.
+    Attributes:
         angles: hinge angles of the tree's rest pose, by the names of joints [rad]; 0 for the others.
         fixed: whether a URDF robot's base is fixed to the world, as it is if its root is a link ``world`` without mass;
             MJCF says so itself.
@@ -59,11 +25,44 @@ def parse_model(
         fastest: rate at full command of drives by torque, which the engine drives by rate, and of continuous joints
             whose velocity is not given [rad/s].
         time_step: of the simulation [s]; None for that of the file, or 2 ms.
+    """
+
+    angles: Mapping[str, float] | None
+    fixed: bool
+    speed: float
+    fastest: float
+    time_step: float | None
+
+
+def load_model(path: str | Path, **reading: Unpack[Reading]) -> Model:
+    """Read a robot from a file, with the settings and errors of :func:`parse_model` and :func:`check_start`.
+
+    Errors name the file.
+    """
+    text = read_text(path)
+    try:
+        model = read_model(text, **reading)
+        check_start(model.tree)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    _tell(model)
+    return model
+
+
+def parse_model(text: str, **reading: Unpack[Reading]) -> Model:
+    """Read a robot from the text of an MJCF or URDF file.
+
+    Bodies touch the ground, the plane z = 0, and nothing else. What the engine does not support is named in
+    one warning if the robot moves more or less alike without it; else it is an error.
+
+    Args:
+        text: content of the file.
+        **reading: how it is read, see :class:`Reading`.
 
     Raises:
         ValueError: for a text that is not such a file, or needs what the engine does not support.
     """
-    model = read_model(text, angles=angles, fixed=fixed, speed=speed, fastest=fastest, time_step=time_step)
+    model = read_model(text, **reading)
     _tell(model)
     return model
 

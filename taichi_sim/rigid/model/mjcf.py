@@ -5,6 +5,7 @@ classes). What its reader makes of a file, tests compare with this one.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -55,7 +56,7 @@ def read_mjcf(root: Element, angles: dict[str, float], speed: float, fastest: fl
     for tag in WRONG:
         if root.find(tag) is not None:
             raise ValueError(f"model: <{tag}> is not allowed; give trees of hinges without it")
-    reader = _Reader(checked(root), angles, speed, fastest)
+    reader = MjcfReader(checked(root), angles, speed, fastest)
     if time_step is not None:
         reader.option.set("timestep", str(float(time_step)))
     fixed = reader.read()
@@ -70,9 +71,21 @@ def read_mjcf(root: Element, angles: dict[str, float], speed: float, fastest: fl
     return Model(tree, Senses(touching), world, reader.commands(), ignored)
 
 
+class BodyRead(NamedTuple):
+    """What a file says of a body: its name, given or made, the default class within it, its place and mass at rest."""
+
+    name: str
+    childclass: str
+    place: Frame
+    lump: Lump
+
+
 @dataclass(eq=False)
-class _Reader:
-    """Reader of an MJCF file, which collects parts, drives, sensors and ignored entries."""
+class MjcfReader:
+    """Reader of an MJCF file, which collects parts, drives, sensors and ignored entries.
+
+    Once it has read, ``bodies_read`` has what it found of every body, in their order.
+    """
 
     root: Element
     angles: dict[str, float]
@@ -82,6 +95,7 @@ class _Reader:
     hinges: list[str] = field(default_factory=list)
     sites: dict[str, str] = field(default_factory=dict)
     ignored: dict[str, None] = field(default_factory=dict)  # in the order found
+    bodies_read: dict[Element, BodyRead] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.compiler, self.defaults = Compiler.of(self.root), Defaults(self.root)
@@ -130,7 +144,7 @@ class _Reader:
                 check_solid(solid, self.compiler)
                 self.contacts.add(solid)
         base, world = self.base, Frame(np.zeros(3), np.eye(3))
-        loose = [_is_free(joint) for joint in self._joints_of(base, "main")]
+        loose = [is_free(joint) for joint in self._joints_of(base, "main")]
         hanging = bool(loose) and not loose[0]
         if hanging:
             self.parts.append(Part("world", None, Lump()))
@@ -156,7 +170,7 @@ class _Reader:
         if len(joints) > 1:
             raise ValueError(f"body {name}: {len(joints)} joints are not allowed; give one, and a body for each")
         carried: Joint | None = None if parent is None else Weld(parent, name)
-        if joints and _is_free(joints[0]):
+        if joints and is_free(joints[0]):
             self._read_free(joints[0], name, parent)
         elif joints:
             place, carried = self._read_hinge(joints[0], place, parent or "", name)
@@ -164,6 +178,7 @@ class _Reader:
         geoms = [self.defaults.resolved(each, childclass) for each in body.iterfind("geom")]
         lump, shapes, immersed = read_matter(body, geoms, place, self.compiler, self.contacts, still)
         self.ignored |= notes(body)
+        self.bodies_read[body] = BodyRead(name, childclass, place, lump)
         for site in body.iterfind("site"):
             self.sites[self.defaults.resolved(site, childclass).get("name", "")] = name
         self.parts.append(Part(name, carried, lump, tuple(shapes), tuple(immersed), place.position))
@@ -289,7 +304,8 @@ class _Reader:
         return (*found, *self.ignored, *(each for each in self.contacts.ignored if each not in self.ignored))
 
 
-def _is_free(joint: Element) -> bool:
+def is_free(joint: Element) -> bool:
+    """Whether a joint leaves its body free."""
     return joint.tag == "freejoint" or joint.get("type") == "free"
 
 

@@ -64,7 +64,7 @@ def read_urdf(
         _check_names(root.findall(kind), kind)
     links = {link.get("name", ""): link for link in root.findall("link")}
     joints = root.findall("joint")
-    base = _base_of(links, joints)
+    base = base_of(links, joints)
     unknown = set(angles) - {joint.get("name", "") for joint in joints if joint.get("type") in _HINGED}
     if unknown:
         raise ValueError(f"angles: there is no hinge {sorted(unknown)[0]!r}")
@@ -74,9 +74,9 @@ def read_urdf(
     places = {base: Frame(np.zeros(3), np.eye(3))}
     balanced = any(keyword(each, "balanceinertia", "false", "true") == "true" for each in root.iterfind(_COMPILER))
     parts, commands = [_part(links[base], None, places[base], balanced, fixed)], list[str]()
-    for joint in _outwards(joints, base):
-        child = _link_of(joint, "child")
-        places[child], hung = _hang(joint, places[_link_of(joint, "parent")], angles, speed, fastest, len(commands))
+    for joint in outwards(joints, base):
+        child = link_of(joint, "child")
+        places[child], hung = _hang(joint, places[link_of(joint, "parent")], angles, speed, fastest, len(commands))
         if isinstance(hung, Hinge) and hung.motor is not None:
             commands.append(joint.get("name", child))
         parts.append(_part(links[child], hung, places[child], balanced))
@@ -95,7 +95,7 @@ def _check_names(elements: Sequence[Element], kind: str) -> None:
         raise ValueError(f"{kind}: name is missing; give each {kind} a name of its own")
 
 
-def _base_of(links: Mapping[str, Element], joints: Sequence[Element]) -> str:
+def base_of(links: Mapping[str, Element], joints: Sequence[Element]) -> str:
     """The name of the only link that no joint carries.
 
     Raises:
@@ -103,11 +103,11 @@ def _base_of(links: Mapping[str, Element], joints: Sequence[Element]) -> str:
     """
     for joint in joints:
         for end in ("parent", "child"):
-            if _link_of(joint, end) not in links:
+            if link_of(joint, end) not in links:
                 raise ValueError(
-                    f"{named(joint)}: there is no link {_link_of(joint, end)!r}; give one of {', '.join(links)}"
+                    f"{named(joint)}: there is no link {link_of(joint, end)!r}; give one of {', '.join(links)}"
                 )
-    carried = {_link_of(joint, "child") for joint in joints}
+    carried = {link_of(joint, "child") for joint in joints}
     if len(carried) < len(joints):
         raise ValueError("robot: a link that is carried twice is not allowed; give a tree without loops")
     bases = [name for name in links if name not in carried]
@@ -116,7 +116,7 @@ def _base_of(links: Mapping[str, Element], joints: Sequence[Element]) -> str:
     return bases[0]
 
 
-def _outwards(joints: Sequence[Element], base: str) -> Iterator[Element]:
+def outwards(joints: Sequence[Element], base: str) -> Iterator[Element]:
     """Joints from the base outwards, in rounds: each after the one that carries its parent.
 
     Raises:
@@ -124,15 +124,16 @@ def _outwards(joints: Sequence[Element], base: str) -> Iterator[Element]:
     """
     reached, waiting = {base}, list(joints)
     while waiting:
-        ready = [joint for joint in waiting if _link_of(joint, "parent") in reached]
+        ready = [joint for joint in waiting if link_of(joint, "parent") in reached]
         if not ready:
             raise ValueError(f"{named(waiting[0])}: a loop is not allowed; give a tree without loops")
         yield from ready
-        reached |= {_link_of(joint, "child") for joint in ready}
+        reached |= {link_of(joint, "child") for joint in ready}
         waiting = [joint for joint in waiting if joint not in ready]
 
 
-def _link_of(joint: Element, end: str) -> str:
+def link_of(joint: Element, end: str) -> str:
+    """Name of the link at an end of a joint, ``parent`` or ``child``; empty if it names none."""
     found = single(joint, end)
     return "" if found is None else found.get("link", "")
 
@@ -158,7 +159,7 @@ def _hang(
 ) -> tuple[Frame, Joint]:
     """Read a joint at the place of its parent: the place of its child, and the joint itself."""
     kind, place = joint.get("type", ""), carrier.then(*_origin(joint))
-    parent, child = _link_of(joint, "parent"), _link_of(joint, "child")
+    parent, child = link_of(joint, "parent"), link_of(joint, "child")
     if kind == "fixed":
         return place, Weld(parent, child)
     if kind not in _HINGED:

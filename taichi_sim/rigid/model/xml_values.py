@@ -38,6 +38,11 @@ def numbers(element: Element, attribute: str, default: str | None = None, count:
     return found
 
 
+def with_numbers(values: Iterable[float]) -> str:
+    """Write numbers as the text of an attribute, from which the same numbers are read."""
+    return " ".join(repr(float(value)).removesuffix(".0") for value in values)
+
+
 def number(element: Element, attribute: str, default: str | None = None) -> float:
     """Read an attribute with a single number, with the errors of :func:`numbers`."""
     return float(numbers(element, attribute, default, 1)[0])

@@ -1,0 +1,83 @@
+"""What leaves the lab of an articulated robot: its file with bodies of their sizes, and what its drives are told."""
+
+import csv
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robots.articulated.simulation import rhythm
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.files import write_text
+from taichi_sim.base.plain_xml import parse_xml
+from taichi_sim.rigid import Hinge
+from taichi_sim.rigid.model.resizing import resized_text
+
+if TYPE_CHECKING:
+    from robots.articulated.robot import ArticulatedRobot
+
+SUFFIXES = {"mujoco": (".xml", ".mjcf"), "robot": (".urdf", ".xml")}
+
+
+def save_model(robot: "ArticulatedRobot", point: ArrayLike, path: Path) -> list[str]:
+    """Write the file of a robot with bodies of the sizes of a design; return what it does not tell of them.
+
+    Raises:
+        ValueError: for another kind of file than the robot's, or bodies that such a file cannot hold.
+    """
+    root = parse_xml(robot.text).tag
+    if path.suffix.lower() not in SUFFIXES[root]:
+        raise ValueError(f"model: {path} is not allowed; give a file that ends in {' or '.join(SUFFIXES[root])}")
+    _, (sizes,) = robot.split(robot.points(point))
+    tree = robot.sizes.tree_of(sizes)
+    write_text(path, resized_text(robot.text, robot.sizes.factors(sizes), **robot.reading))
+    if root == "mujoco":
+        return []
+    base = tree.ordered[0][0]
+    height = base.position[2] + base.frame[2]
+    return [f"the origin of {base.name} starts {height:.4g} m above the ground, which URDF does not tell"]
+
+
+def command_table(robot: "ArticulatedRobot", point: ArrayLike) -> tuple[list[str], Floats]:
+    """What the drives of a design are told in a trial: names of columns, and a row for each command, (K, 1 + M).
+
+    The first column is the time from which a row holds [s]; the others are angles as the file counts them [rad], or
+    rates of drives that have no target angle [rad/s].
+
+    Raises:
+        ValueError: for robots whose commands depend on what they feel.
+    """
+    if robot.controller != "rhythm" or robot.feels:
+        what = "reflexes" if robot.controller == "rhythm" else "a network"
+        raise ValueError(f"commands: a robot with {what} decides them as it moves; give a robot with a rhythm alone")
+    points = robot.points(point)
+    commands = rhythm(robot, points)[0]
+    names, columns = ["time [s]"], [np.arange(len(commands)) * robot.hold * robot.physics.time_step]
+    for number, name in enumerate(robot.drives):
+        (hinge,) = (each for each in robot.tree.hinges if each.motor is not None and each.command == number)
+        told, unit = _told(hinge, commands[:, number])
+        names.append(f"{name} [{unit}]")
+        columns.append(told)
+    return names, np.column_stack(columns)
+
+
+def save_commands(robot: "ArticulatedRobot", point: ArrayLike, path: Path) -> None:
+    """Write the table of :func:`command_table` as CSV."""
+    names, rows = command_table(robot, point)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows([f"{value:.10g}" for value in row] for row in rows.tolist())
+    write_text(path, text.getvalue())
+
+
+def _told(hinge: Hinge, commands: Floats) -> tuple[Floats, str]:
+    """What commands mean to the drive of a hinge, and its unit."""
+    motor = hinge.motor
+    assert motor is not None
+    rates = motor.by_command * commands + motor.offset
+    if motor.by_angle == 0:
+        return rates if motor.fastest is None else np.clip(rates, -motor.fastest, motor.fastest), "rad/s"
+    return rates / -motor.by_angle + hinge.rest, "rad"

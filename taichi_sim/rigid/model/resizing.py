@@ -1,0 +1,132 @@
+"""Write the file of a robot anew with bodies of other sizes, for other simulators and for machines that build it.
+
+Names, meshes, drives, sensors and comments stay; only numbers that a size changes are written, so that the file says
+all that the engine has no use for, too.
+"""
+
+import re
+from collections.abc import Sequence
+from typing import Unpack
+from xml.etree import ElementTree
+
+import numpy as np
+
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.plain_xml import parse_xml
+from taichi_sim.rigid.model.files import Reading, read_model
+from taichi_sim.rigid.model.mjcf import MjcfReader
+from taichi_sim.rigid.model.mjcf_resizing import MjcfResizing
+from taichi_sim.rigid.model.scaling import scaled_tree
+from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
+from taichi_sim.rigid.model.tree import Hinge, Tree, Weld
+from taichi_sim.rigid.model.urdf_resizing import resize_urdf
+
+_SAME = 1e-9  # part of the robot's largest length, and of a mass or an inertia, that is rounding
+
+
+def resized_text(text: str, factors: Sequence[float], **reading: Unpack[Reading]) -> str:
+    """Write the text of an MJCF or URDF file anew, with bodies of the sizes that ``scaled_tree`` gives them.
+
+    The new text is read again: it is refused unless it describes the robot that was simulated.
+
+    Args:
+        text: content of the file.
+        factors: of the bodies in the order of ``tree.ordered``.
+        **reading: how the file is read, as of :func:`parse_model`.
+
+    Raises:
+        ValueError: for a text that is no such file, or one that cannot hold these bodies.
+    """
+    tree = read_model(text, **reading).tree
+    wanted = scaled_tree(tree, factors)
+    if wanted is tree:
+        return text
+    rise = _origin(wanted) - _origin(tree)
+    sizes = {body.name: float(factor) for (body, _), factor in zip(tree.ordered, factors, strict=True)}
+    for weighed in (False, True):
+        root, copy = parse_xml(text), parse_xml(text, comments=True)
+        elements = [each for each in copy.iter() if isinstance(each.tag, str)]
+        written = dict(zip(root.iter(), elements, strict=True))
+        if root.tag == "mujoco":
+            reader = MjcfReader(root, dict(reading.get("angles") or {}), 1.0, 1.0)
+            reader.read()
+            MjcfResizing(reader, written, sizes, rise, weighed).resize()
+            bounded = reader.compiler.smallest > 0 or reader.compiler.lightest > 0
+        else:
+            resize_urdf(root, written, sizes)
+            bounded = False
+        found = _before(text) + ElementTree.tostring(copy, encoding="unicode") + "\n"
+        try:
+            _check_same(read_model(found, **reading).tree, wanted, placed=root.tag == "mujoco")
+        except ValueError:
+            if weighed or not bounded:
+                raise
+        else:
+            break
+    return found
+
+
+def height_of(tree: Tree) -> float:
+    """Height of the origin of the base's frame above the ground at the start [m], which URDF files do not tell."""
+    return float(_origin(tree)[2])
+
+
+def _before(text: str) -> str:
+    """Comments before the root of a file; the encoding of the new one is always UTF-8."""
+    head = re.match(r"\s*(<\?xml.*?\?>\s*)?((<!--.*?-->\s*)*)", text, re.DOTALL)
+    return head[2] if head else ""
+
+
+def _origin(tree: Tree) -> Floats:
+    base = tree.ordered[0][0]
+    return np.add(base.position, base.frame)
+
+
+def _check_same(found: Tree, wanted: Tree, placed: bool) -> None:
+    """Refuse a robot that is not the one that was wanted; ``placed`` says whether it must start at the same place."""
+    names, others = ([body.name for body, _ in tree.ordered] for tree in (found, wanted))
+    same = names == others and found.fixed == wanted.fixed
+    for name, joint, other in zip(names[1:], *(tree.ordered[1:] for tree in (found, wanted)), strict=False):
+        same = same and type(joint[1]) is type(other[1]) and _drive_of(joint[1]) == _drive_of(other[1])
+        if not same:
+            raise ValueError(f"model: the joint of {name} would not be the same in a file of these sizes")
+    if not same:
+        raise ValueError("model: a file of these sizes would have other bodies")
+    lengths, matter = _numbers(wanted, np.zeros(3) if placed else _origin(wanted))
+    new_lengths, new_matter = _numbers(found, np.zeros(3) if placed else _origin(found))
+    largest = np.abs(np.concatenate([*lengths, [0.0]])).max()
+    for n, name in enumerate(others):
+        close = len(lengths[n]) == len(new_lengths[n]) and np.allclose(new_lengths[n], lengths[n], 0, _SAME * largest)
+        heaviest = np.abs(matter[n]).max(axis=1, keepdims=True)
+        if not close or not (np.abs(new_matter[n] - matter[n]) <= _SAME * heaviest).all():
+            raise ValueError(
+                f"model: {name} would be another body in a file of these sizes, as with bounds of its compiler; give a "
+                "file without them"
+            )
+
+
+def _drive_of(joint: Hinge | Weld | None) -> object:
+    """What of a joint has nothing to do with sizes."""
+    if not isinstance(joint, Hinge):
+        return None
+    return joint.parent, joint.child, joint.motor, joint.command, joint.stops, joint.rest
+
+
+def _numbers(tree: Tree, origin: Floats) -> tuple[list[Floats], list[Floats]]:
+    """Lengths of each body and the anchor of its hinge [m], and its mass and its inertia, (2, 9) each."""
+    lengths, matter = [], []
+    for body, joint in tree.ordered:
+        parts = [np.array(body.position, float) - origin, np.array(body.frame, float)]
+        parts += [_of_solid(solid) for solid in (*body.shapes, *body.immersed)]
+        parts += [np.array(joint.anchor, float) - origin] if isinstance(joint, Hinge) else []
+        lengths.append(np.concatenate(parts))
+        matter.append(np.array([np.full(9, body.mass), np.ravel(np.asarray(body.inertia))]))
+    return lengths, matter
+
+
+def _of_solid(solid: Solid) -> Floats:
+    if isinstance(solid, Box):
+        return np.concatenate([solid.size, solid.centre])
+    if isinstance(solid, Capsule):
+        return np.concatenate([[solid.radius, solid.length], solid.centre])
+    return np.concatenate([[solid.radius], solid.centre])

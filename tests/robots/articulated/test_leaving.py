@@ -1,0 +1,94 @@
+"""What leaves the lab of robots of files: these with bodies of a design, and what their drives are told."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from articulated_files import CART, CRAWLER
+
+from robots.articulated import ArticulatedRobot, DriveReflexes, simulate
+from robots.articulated.leaving import command_table
+from robots.free import Free
+
+pytestmark = pytest.mark.filterwarnings("ignore:model. ignored")
+SIZES = {"front": Free(0.5, 2.0), "rear": 0.7}
+GEARED = CRAWLER.replace(
+    '<position name="b" joint="hip" kp="30" ctrlrange="-0.8 0.8" forcerange="-8 8"/>',
+    '<velocity name="b" joint="hip" kv="3" gear="2" ctrlrange="-1 3"/>',
+).replace('name="shoulder"', 'name="shoulder" ref="10"')
+
+
+def a_point(robot):
+    low, high = np.array([(p.low, p.high) for p in robot.parameters]).T
+    return low + 0.7 * (high - low)
+
+
+@pytest.mark.kernels
+def test_the_robot_of_the_file_moves_as_the_design_did(tmp_path):
+    robot = ArticulatedRobot(CRAWLER, duration=0.5, body_sizes=SIZES)
+    point = a_point(robot)
+    assert robot.save_model(point, tmp_path / "sized.xml") == []
+    again = ArticulatedRobot((tmp_path / "sized.xml").read_text(), duration=0.5)
+    here = {"precision": "f64", "threads": 1}
+    found, expected = simulate(again, [point[:-1]], **here), simulate(robot, [point], **here)
+    assert abs(expected.distance[0]) > 1e-3 and found.distance == pytest.approx(expected.distance, rel=1e-6)
+
+
+def test_a_urdf_file_does_not_tell_where_its_base_starts(tmp_path):
+    robot = ArticulatedRobot(CART, body_sizes={"*": Free(0.5, 2.0)})
+    point = a_point(robot)
+    (told,) = robot.save_model(point, tmp_path / "cart.urdf")
+    base = ArticulatedRobot((tmp_path / "cart.urdf").read_text()).tree.ordered[0][0]
+    height = base.position[2] + base.frame[2]
+    assert told == f"the origin of {base.name} starts {height:.4g} m above the ground, which URDF does not tell"
+    with pytest.raises(ValueError, match=r"^model: .*cart.mjcf is not allowed; give a file that ends in .urdf or .xml"):
+        robot.save_model(point, tmp_path / "cart.mjcf")
+
+
+def test_drives_are_told_angles_and_rates_as_their_file_counts_them(tmp_path):
+    robot = ArticulatedRobot(GEARED, duration=0.3, command_rate=20.0)
+    point = [1.5, 0.6, 0.1, 0.4, 0.5, 0.2, -0.3]  # frequency, then amplitude, phase and offset of a and b
+    names, rows = command_table(robot, point)
+    assert names == ["time [s]", "a [rad]", "b [rad/s]"]
+    times = np.arange(6) * 0.05
+    waves = [p * np.sin(2 * np.pi * (1.5 * times + q)) + (1 - p) * r for p, q, r in ((0.6, 0.1, 0.4), (0.5, 0.2, -0.3))]
+    np.testing.assert_allclose(rows[:, 0], times, atol=1e-12)
+    np.testing.assert_allclose(rows[:, 1], 0.8 * waves[0], atol=1e-12)  # the target that MuJoCo is told, too
+    np.testing.assert_allclose(rows[:, 2], (1.0 + 2.0 * waves[1]) / 2, atol=1e-12)
+    robot.save_commands(point, tmp_path / "told.csv")
+    assert (tmp_path / "told.csv").read_text().startswith("time [s],a [rad],b [rad/s]\n0,")
+    np.testing.assert_allclose(np.loadtxt(tmp_path / "told.csv", delimiter=",", skiprows=1), rows, atol=1e-9)
+
+
+def test_robots_that_decide_as_they_move_have_no_table(tmp_path):
+    feeling = ArticulatedRobot(CRAWLER, reflexes=DriveReflexes(("touch",)))
+    with pytest.raises(ValueError, match=r"^commands: a robot with reflexes decides them as it moves; give"):
+        feeling.save_commands(feeling.start, tmp_path / "told.csv")
+    thinking = ArticulatedRobot(CRAWLER, controller="network")
+    with pytest.raises(ValueError, match=r"^commands: a robot with a network decides them as it moves"):
+        thinking.save_commands(thinking.start, tmp_path / "told.csv")
+
+
+@pytest.mark.kernels
+def test_a_run_is_exported_with_its_body_and_commands(morpholab, tmp_path):
+    Path("crawler.xml").write_text(CRAWLER)
+    search = "codesign --robot crawler.xml --duration 0.3 --body-sizes front=0.5:2 --threads 1 --quiet --out run"
+    assert morpholab(f"{search} --method hill-climb --climbers 2 --generations 1")[0] == 0
+    code, out, error = morpholab("export run --model sized.xml --commands told.csv --json")
+    assert code == 0, error
+    assert json.loads(out) | {"source": ""} == {
+        "source": "",
+        "model": {"path": "sized.xml", "untold": []},
+        "commands": "told.csv",
+    }
+    size = json.loads(Path("run/best.json").read_text())["values"]["front_size"]
+    front = ArticulatedRobot(Path("sized.xml").read_text()).tree.ordered[1][0]
+    assert front.mass == pytest.approx(0.3 * size**3)
+    code, _, error = morpholab("export run --model sized.xml")
+    assert code == 2 and "model: sized.xml exists; name a new file" in error
+    code, _, error = morpholab("export inching --model inching.xml")
+    assert code == 2 and "model: inflatable robot has no such file; leave it out" in error
+    code, _, error = morpholab("export inching --commands told-2.csv")
+    assert code == 2 and "commands: inflatable robot has no such table; leave it out" in error
+    assert not Path("inching.xml").exists()
