@@ -53,7 +53,10 @@ LONGEST_SUMMARY = 300  # characters of an unexpected exception in a message
 
 
 class _Parser(RobotOptions):
-    """A parser that says what is wrong in one line, without the usage."""
+    """A parser that says what is wrong in one line, without the usage, and takes options by their whole names alone."""
+
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        super().__init__(*args, allow_abbrev=False, **settings)  # what is short for one option may become another's name
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, plain(f"{self.prog}: error: {' '.join(message.split())}") + "\n")
@@ -82,7 +85,8 @@ class _Parser(RobotOptions):
         known = [name for action in shown for name in action.option_strings]
         if unknown[0].startswith("-"):
             flag = next((word.partition("=")[0] for word in unknown if word.startswith("--")), "")
-            return nearest(flag, known)
+            whole = [name for name in known if len(flag) > len("--") and name.startswith(flag)]
+            return f"; give {' or '.join(whole)}" if whole else nearest(flag, known)
         flags = [f"{flag} {unknown[0]}" for flag in ROBOT_FLAGS if flag in known]
         return f"; name a robot as {' or a gait as '.join(flags)}" if flags else ""
 

@@ -36,6 +36,7 @@ from taichi_sim.lattice import Material
 from taichi_sim.lattice.files import load_voxel_file
 from taichi_sim.lattice.files.mesh import body_from_mesh
 from taichi_sim.rigid.model.files import load_model
+from taichi_sim.rigid.model.resizing import resized_text
 
 LARGEST = 20_000  # bytes of an input; what is larger only takes longer
 SETTINGS = 'format = 1\ngenerations = 2\n\n[problem]\nkind = "x"\n\n[method]\nname = "cma"\n'
@@ -69,6 +70,13 @@ def _mesh(path: Path) -> object:
 
 def _heights(path: Path) -> object:
     return Ground(f"{path}:0.1" if path.suffix == ".npy" else f"{path}:0.1,0.1").relief(0, 0.05)
+
+
+def _rigid(path: Path) -> object:
+    """A robot, and its file with bodies of another size."""
+    model = load_model(path)
+    heavy = [body.mass > 0 for body, _ in model.tree.ordered]
+    return model, resized_text(files.read_text(path), [0.7 if each else 1.0 for each in heavy])
 
 
 def _weights(path: Path) -> object:
@@ -142,7 +150,7 @@ TARGETS = {
     "vxa": Target("robot.vxa", load_voxel_file, ("examples/*.vxa",)),
     "vxd": Target("robot.vxd", load_voxel_file),
     "vxl-json": Target("robot.vxl.json", load_voxel_file),
-    "rigid": Target("robot.xml", load_model),
+    "rigid": Target("robot.xml", _rigid),
     "stl": Target("mesh.stl", _mesh),
     "glb": Target("mesh.glb", _mesh),
     "heights-npy": Target("heights.npy", _heights),

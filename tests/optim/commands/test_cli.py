@@ -170,6 +170,7 @@ BAD_LINES = [
     ("codesign --out new --terrain flat --workers 100000", "argument --workers: 100000 is not allowed; give a whole"),
     ("view rolling --out page.png", "out: page.png is not allowed; give a name that ends in .html or .htm"),
     ("walk", "argument COMMAND: invalid choice: 'walk'"),
+    ("simulate --gait rolling --prec f64", "unrecognized arguments: --prec f64; give --precision"),
     ("simulat --gait rolling", "argument COMMAND: invalid choice: 'simulat' ("),
     ("simulate --gait rolling --terain flat", "unrecognized arguments: --terain flat; did you mean --terrain?"),
     ("simulate --robot articulated --fricton=0.5", "unrecognized arguments: --fricton=0.5; did you mean --friction?"),
