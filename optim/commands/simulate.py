@@ -89,12 +89,18 @@ def _check_own_robot(args: argparse.Namespace) -> None:
     if args.robot is None or (args.table is None and args.rig is None):
         return
     named = named_doing(args.robot, None)
-    if all(option.name != "rig" for option in named.kind.options_for("simulate")):
-        field, value = ("rig", args.rig) if args.table is None else ("table", args.table)
-        serves = named.kind.instead.get("rig", "leave it out")
+    field, value = ("rig", args.rig) if args.table is None else ("table", args.table)
+    serves = named.kind.instead.get(field, "leave it out")
+    if field in named.kind.instead or all(option.name != "rig" for option in named.kind.options_for("simulate")):
         raise ValueError(f"{field}: {value} is not allowed with {args.robot}, a {named.kind.title}; {serves}")
     if args.table is not None and (named.run or named.source) is not None:
         raise ValueError(f"table: {args.table} has a gait by itself; leave --robot {args.robot} out")
+
+
+def _plays_channels(args: argparse.Namespace) -> bool:
+    """Whether the robot is one whose tables are of channels, by an option of their own."""
+    kind = None if args.robot is None else named_doing(args.robot, None).kind
+    return kind is not None and any(option.name == "channels" for option in kind.options_for("simulate"))
 
 
 def _gait_of(args: argparse.Namespace) -> str | None:
@@ -109,7 +115,7 @@ def _gait_of(args: argparse.Namespace) -> str | None:
                 raise ValueError(f"{name}: is not allowed with --table, which is played once")
         if args.out is not None:
             raise ValueError(f"out: {args.out} is not allowed with --table; its files are those of a gait")
-    elif args.rig is not None:
+    elif args.rig is not None and not _plays_channels(args):
         raise ValueError(f"rig: {args.rig} is not allowed without --table, which it plays")
     if args.robot is None and args.gait is None and args.table is None:
         raise ValueError("gait: none is given; name a gait or a design, or another kind of robot by --robot")

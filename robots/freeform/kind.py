@@ -29,7 +29,7 @@ class FreeformKind(LatticeGroundKind):
     title = "freeform robot"
     explored = choices(frequency=(1, 8), amplitude=(0.02, 0.25), slope=(-15, 15))
     trial_fields = ("actuation.cycles",)
-    instead = MappingProxyType({"rig": BY_CHANNELS})
+    instead = MappingProxyType({"rig": BY_CHANNELS, "table": BY_CHANNELS})
     options = (
         Option("shape", "cells of the grid along each axis (default: 12,4,3)", checked(shape_of), "X,Y,Z"),
         Option("voxel_size", "edge of a cell in metres (default: 0.01)", number(1e-6, 1e3), "M"),

@@ -12,11 +12,11 @@ from robots.lattice_robot.ground import LatticeGroundKind
 from robots.lattice_robot.links import LINKS_OPTION
 from robots.robot import Option, Robot
 from taichi_sim.base.checks import MOST_FRICTION
-from taichi_sim.base.options import checked, file_path, number, whole
+from taichi_sim.base.options import checked, file_path, file_text, number, whole
 
 BY_CHANNELS = (
     "export --rig RIG --csv FILE writes a table of its channels for a rig; simulate that by --robot BEST.json "
-    "--channels FILE, without --rig and --table"
+    "--channels FILE, with --rig RIG as the rig plays it, without --table"
 )
 
 
@@ -74,6 +74,13 @@ class LatticeRobotKind(LatticeGroundKind):
             "FILE",
             commands=("simulate", "view"),
         ),
+        Option(
+            "rig",
+            "with --channels: the rig that plays it, whose delays, regulators, limits of rate and lag act",
+            file_text,
+            "RIG",
+            commands=("simulate", "view"),
+        ),
         Option("heading", "of a mesh, in which it shall travel, from x towards y (default: 0)", number(), "DEGREES"),
         OWN_MEASURES_OPTION,
     )
@@ -85,7 +92,7 @@ class LatticeRobotKind(LatticeGroundKind):
         {
             "target": "give --terrain flat+light:X,Y, or set target of a LatticeRobot in Python; both add the measure "
             "remaining, so search with --objective minimise:remaining",
-            "rig": BY_CHANNELS,
+            "table": BY_CHANNELS,
         }
     )
 
@@ -123,5 +130,7 @@ def _of_mesh(source: str, options: Mapping[str, Any]) -> Robot:
     given = dict(options)
     if "pitch" not in given:
         raise ValueError(f"pitch: {source} is a mesh; give the edge of its voxels, in the unit of the file")
-    played: dict[str, Any] = {name: given.pop(name) for name in ("channels", "links", "own_measures") if name in given}
+    played: dict[str, Any] = {
+        name: given.pop(name) for name in ("channels", "rig", "links", "own_measures") if name in given
+    }
     return robot_of_mesh(source, given.pop("pitch"), given.pop("region", ()), **given).changed(played)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from robots.hardware.channel_play import waves_behind
 from robots.hardware.channel_table import Calibration, ChannelTable, Rhythm, Wave, too_few_lines
 from robots.hardware.own_lines import lines_of, misplaced
 from robots.hardware.rig import PneumaticRig
@@ -95,14 +96,20 @@ def rhythm_of(robot: "LatticeRobot") -> Rhythm:
     return Rhythm(robot.frequency, robot.cycles, robot.settling, nodes)
 
 
-def played_robot(robot: "LatticeRobot", table: ChannelTable) -> "LatticeRobot":
+def played_robot(robot: "LatticeRobot", table: ChannelTable, rig: PneumaticRig | None = None) -> "LatticeRobot":
     """Replace a robot's drives by what the rows of a rig's table play.
 
+    Args:
+        robot: of which nothing is free.
+        table: of its channels.
+        rig: that plays the table, with its delays, regulators, limits of rate and lag, in a cycle like the one before
+            it; None: lines have at any time what the rows tell them.
+
     Raises:
-        ValueError: if the table is of channels that the robot does not have.
+        ValueError: if the table is of channels that the robot does not have, or of other lines than the rig's.
     """
     drives = []
-    for wave in table.played():
+    for wave in table.played() if rig is None else waves_behind(table, rig):
         about, values = wave.about, wave.values
         own = next((drive for drive in robot.drives if drive.name == about["drive"]), None)
         same = own is not None and (own.quantity, own.axes) == (about["quantity"], about["axes"])

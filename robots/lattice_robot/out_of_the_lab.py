@@ -79,15 +79,21 @@ class OutOfTheLab(Robot):
         save_voxels(self.fixed, path)
 
     def changed(self, options: Mapping[str, Any]) -> Robot:
-        """This robot with ``own_measures`` and another law of ``links``; driven by rows of the table ``channels``."""
+        """This robot with ``own_measures`` and ``links``; driven by the table ``channels``, which a ``rig`` may play."""
         from robots.hardware.channel_table import read_channels
+        from robots.hardware.rig import PneumaticRig
         from robots.lattice_robot.on_rig import played_robot
 
-        own = {name: value for name, value in options.items() if name not in ("channels", "links")}
+        if "rig" in options and "channels" not in options:
+            raise ValueError(f"rig: {options['rig']} is not allowed without --channels, whose rows it plays")
+        own = {name: value for name, value in options.items() if name not in ("channels", "links", "rig")}
         robot: Any = super().changed(own)
         if "links" in options:
             robot = replace(robot, body=replace(robot.body, links=options["links"]))
-        return played_robot(robot.fixed, read_channels(options["channels"])) if "channels" in options else robot
+        if "channels" not in options:
+            return robot
+        rig = PneumaticRig.load(options["rig"]) if "rig" in options else None
+        return played_robot(robot.fixed, read_channels(options["channels"]), rig)
 
     def judge(
         self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None

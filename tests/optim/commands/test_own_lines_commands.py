@@ -125,11 +125,6 @@ def test_rates_that_fit_are_named_where_samples_make_a_table_longer(morpholab, f
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (
-            "--robot block.json --channels a.csv --rig six-valves.toml",
-            "rig: six-valves.toml is not allowed with block.json",
-        ),
-        ("--robot block.json --rig six-valves.toml", "rig: six-valves.toml is not allowed with block.json"),
         ("--robot block.json --table a.csv --rig six-valves.toml", "table: a.csv is not allowed with block.json"),
         ("--robot block.json --table a.csv", "table: a.csv is not allowed with block.json"),
         ("--robot freeform --rig six-valves.toml", "rig: six-valves.toml is not allowed with freeform"),
@@ -141,7 +136,26 @@ def test_a_rig_beside_a_robot_of_ones_own_is_refused_with_what_works(morpholab, 
     assert (code, out) == (2, "") and error.count("\n") == 1 and f": error: {told}, a " in error
     kind = "freeform" if "freeform" in options else "lattice"
     works = "export --rig RIG --csv FILE writes a table of its channels for a rig; simulate that by --robot BEST.json"
-    assert f"a {kind} robot; {works} --channels FILE, without --rig and --table\n" in error
+    assert f"a {kind} robot; {works} --channels FILE, with --rig RIG as the rig plays it, without --table\n" in error
+
+
+@pytest.mark.kernels
+def test_a_rig_plays_the_table_of_a_robot_of_ones_own(morpholab, folder):
+    """A lag much longer than a cycle leaves hardly any motion; a rig that is as told plays the rows."""
+    assert morpholab("export block.json --rig six-valves.toml --csv a.csv --full-scale 0.8:1.2")[0] == 0
+    six = (folder / "six-valves.toml").read_text()
+    (folder / "slow.toml").write_text(six.replace("rise_s =", "lag_s = 3.0\nrise_s =", 1))
+    asked = "simulate --robot block.json --channels a.csv --threads 1 --json --quiet"
+    energies = []
+    for rig in ("", " --rig six-valves.toml", " --rig slow.toml"):
+        code, out, error = morpholab(asked + rig)
+        assert code == 0, error
+        energies.append(json.loads(out)["energy"])
+    assert energies[1] > 0.2 * energies[0] and energies[2] < 0.02 * energies[0]
+    code, _, error = morpholab("simulate --robot block.json --rig six-valves.toml")
+    assert code == 2 and "rig: six-valves.toml is not allowed without --channels, whose rows it plays" in error
+    code, _, error = morpholab("simulate --robot block.json --channels a.csv --rig dissertation")
+    assert code == 2 and "rig: dissertation has 11 lines, the table has 6" in error
 
 
 def test_a_gait_table_beside_another_robot_is_refused_with_the_robot_to_leave_out(morpholab, folder):
