@@ -53,10 +53,7 @@ LONGEST_SUMMARY = 300  # characters of an unexpected exception in a message
 
 
 class _Parser(RobotOptions):
-    """A parser that says what is wrong in one line, without the usage, and takes options by their whole names alone."""
-
-    def __init__(self, *args: Any, **settings: Any) -> None:
-        super().__init__(*args, allow_abbrev=False, **settings)  # short names would turn into those of new options
+    """A parser that says what is wrong in one line, without the usage."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, plain(f"{self.prog}: error: {' '.join(message.split())}") + "\n")

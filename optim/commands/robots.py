@@ -69,8 +69,8 @@ class RobotOptions(argparse.ArgumentParser):
     """A parser whose options depend on which robots the command line names."""
 
     def __init__(self, *args: Any, **settings: Any) -> None:
-        """Take the arguments of any parser."""
-        super().__init__(*args, **settings)
+        """Take the arguments of any parser; options are given by their whole names."""
+        super().__init__(*args, allow_abbrev=False, **settings)  # short ones would turn into names of new options
         self._find: Callable[[Sequence[str]], Iterable[RobotKind]] | None = None
         self._options_of: OptionsOf = world_and_own("")
         self._own: frozenset[str] = frozenset()  # names of the command's options beside those of kinds
@@ -248,7 +248,7 @@ def early(words: Sequence[str], *flags: str) -> argparse.Namespace:
     Raises:
         argparse.ArgumentError: for an option without its value.
     """
-    parser = argparse.ArgumentParser(add_help=False, exit_on_error=False)
+    parser = argparse.ArgumentParser(add_help=False, exit_on_error=False, allow_abbrev=False)
     for flag in flags:
         parser.add_argument(flag)
     return parser.parse_known_args([word for word in words if word != "--help"])[0]

@@ -52,6 +52,6 @@ def _steady(table: ChannelTable, rig: PneumaticRig, response: Response) -> Float
             return np.asarray(last[::_FINE])
         cycles *= 2
     raise ValueError(
-        f"rig: {rig.name} is too slow for the table: after {_MOST_CYCLES} cycles of {length:g} s its lines still change "
+        f"rig: {rig.name} is too slow for the table: after {_MOST_CYCLES} cycles of {length:g} s its lines change "
         "from one to the next; play it at a lower frequency"
     )

@@ -79,7 +79,7 @@ class OutOfTheLab(Robot):
         save_voxels(self.fixed, path)
 
     def changed(self, options: Mapping[str, Any]) -> Robot:
-        """This robot with ``own_measures`` and ``links``; driven by the table ``channels``, which a ``rig`` may play."""
+        """This robot with ``own_measures`` and ``links``; driven by a table of ``channels``, played by a ``rig``."""
         from robots.hardware.channel_table import read_channels
         from robots.hardware.rig import PneumaticRig
         from robots.lattice_robot.on_rig import played_robot

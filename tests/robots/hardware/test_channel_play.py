@@ -1,4 +1,4 @@
-"""What rigs make of tables of channels: the response of a first-order lag, delays and limits of rate, in a steady cycle."""
+"""What rigs make of tables of channels: lags, delays and limits of rate act on a cycle that repeats."""
 
 import dataclasses
 
