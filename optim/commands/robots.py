@@ -70,7 +70,7 @@ class RobotOptions(argparse.ArgumentParser):
 
     def __init__(self, *args: Any, **settings: Any) -> None:
         """Take the arguments of any parser; options are given by their whole names."""
-        super().__init__(*args, allow_abbrev=False, **settings)  # short ones would turn into names of new options
+        super().__init__(*args, **{**settings, "allow_abbrev": False})  # short ones would become names of new options
         self._find: Callable[[Sequence[str]], Iterable[RobotKind]] | None = None
         self._options_of: OptionsOf = world_and_own("")
         self._own: frozenset[str] = frozenset()  # names of the command's options beside those of kinds
