@@ -29,7 +29,23 @@ def doubts_of(robot: "LatticeRobot") -> tuple[str, ...]:
 
 
 def doubts_on(robot: "LatticeRobot", terrain: Terrain) -> tuple[str, ...]:
-    """Likely mistakes of a robot on a terrain, one line each: feet that nothing holds."""
+    """Likely mistakes of a robot on a terrain, one line each: feet that nothing holds, and walls that fall over."""
+    return *_of_feet(robot, terrain), *_of_width(robot, terrain)
+
+
+def _of_width(robot: "LatticeRobot", terrain: Terrain) -> Iterator[str]:
+    """Bodies that stand upright on a row of single voxels, with nothing that holds them in its plane."""
+    body = robot.body
+    if terrain.is_wet or robot.placed is not None or np.asarray(body.fixed).any() or np.ptp(body.voxels[:, 2]) == 0:
+        return
+    for axis, name in enumerate("xy"):
+        if np.ptp(body.voxels[:, axis]) == 0:
+            held = "hold all voxels in its plane with fixed, or make it two wide"
+            yield f"voxels: {robot.name} is one voxel wide along {name} and stands upright, so it may fall over; {held}"
+            return
+
+
+def _of_feet(robot: "LatticeRobot", terrain: Terrain) -> tuple[str, ...]:
     used = [robot.body.materials[n] for n in np.unique(np.asarray(robot.body.material_index))]
     driven = any(drive.quantity == "friction" for drive in robot.drives)
     slippery = not (driven or any(material.static_friction for material in used)) and not terrain.is_wet

@@ -8,6 +8,7 @@ import pytest
 import morpholab as ml
 from robots.lattice_robot import Drive, Free, LatticeRobot
 from robots.lattice_robot.presets import soft_quadruped
+from robots.world import Terrain
 from taichi_sim.lattice import Material, body_from_array
 
 RUBBER = Material(1e6, 1000.0, static_friction=0.8, kinetic_friction=0.5, name="rubber")
@@ -88,3 +89,17 @@ def test_commands_note_the_doubts_of_a_file(morpholab, tmp_path):
 
 def test_usual_robots_raise_no_doubts():
     assert soft_quadruped().doubts() == () == robot_of(phase=2.5).doubts()
+
+
+def test_upright_bodies_one_voxel_wide_may_fall_over():
+    """Worms lie, swimmers float, and bodies that are held in their plane cannot."""
+    wall = robot_of((5, 1, 3))
+    told = "voxels: worm is one voxel wide along y and stands upright, so it may fall over; hold all voxels in its "
+    (doubt,) = wall.doubts_in(Terrain())
+    assert doubt.startswith(told)
+    assert robot_of((1, 4, 3)).doubts_in(Terrain())[0].startswith(told.replace("along y", "along x"))
+    assert len(robot_of((1, 1, 3)).doubts_in(Terrain())) == 1
+    held = np.tile([False, True, False, True, False, True], (15, 1))
+    in_plane = dataclasses.replace(wall, body=dataclasses.replace(wall.body, fixed=held))
+    assert in_plane.doubts_in(Terrain()) == robot_of((5, 1, 1)).doubts_in(Terrain()) == ()
+    assert robot_of((5, 2, 3)).doubts_in(Terrain()) == wall.doubts_in(Terrain.parse("water")) == ()
