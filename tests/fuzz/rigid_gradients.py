@@ -152,7 +152,7 @@ def _along_design(case: RigidCase, gradient: RigidGradient, rng: np.random.Gener
             motor = joint.motor and replace(
                 joint.motor, torque=joint.motor.torque * torque, by_command=joint.motor.by_command * rate
             )
-            return replace(joint, anchor=place(joint.anchor, way), motor=motor)
+            return replace(joint, anchor=place(joint.anchor, way), axis=place(joint.axis, way), motor=motor)
 
         bodies = [
             replace(

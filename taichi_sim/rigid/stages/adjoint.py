@@ -212,7 +212,7 @@ def undo_solve(robots: ti.template(), motion: ti.template(), cotangents: ti.temp
 
 @ti.func
 def undo_command(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), rows):
-    """Reverse ``command_hinges``: cotangents of angles, neurons and motors."""
+    """Reverse ``command_hinges``: cotangents of angles, neurons, motors and stops."""
     h, push_out = setting(robots, slots.TIME_STEP), setting(robots, slots.PUSH_OUT)
     for b in range(1, robots.plan[slots.BODIES]):
         if is_hinged(robots, b):
@@ -228,11 +228,10 @@ def undo_command(robots: ti.template(), motion: ti.template(), cotangents: ti.te
             seeds = ti.static((of_target, rate, by_low, by_high, of_least, of_most))
             pieces = ti.static(hinge_slots(robots, b))
             inputs = ti.static(gather(robots, pieces) + (commanded(robots, b),))
-            constants = ti.static(row(robots, given_at(robots, b) + slots.LOWER, 2) + (h, push_out, robots.drifting))
-            to = ti.static(pull_back(laws.hinge_row, inputs, constants, seeds))
-            scatter(cotangents, pieces, to[:6])
+            to = ti.static(pull_back(laws.hinge_row, inputs, (h, push_out, robots.drifting), seeds))
+            scatter(cotangents, pieces, to[:8])
             if motor >= 0:
-                add_one(cotangents, robots.plan[slots.NEURON] + motor, to[6])
+                add_one(cotangents, robots.plan[slots.NEURON] + motor, to[8])
 
 
 @ti.func
@@ -280,7 +279,7 @@ def undo_sense(robots: ti.template(), cotangents: ti.template()):
 
 @ti.func
 def undo_place(robots: ti.template(), cotangents: ti.template()):
-    """Reverse ``place_bodies``, leaves first: cotangents of the base's pose and the angles."""
+    """Reverse ``place_bodies``, leaves first: cotangents of the base's pose, the angles and the axes."""
     for back in range(1, robots.plan[slots.BODIES]):
         b = robots.plan[slots.BODIES] - back
         body = body_at(robots, b)
@@ -294,10 +293,12 @@ def undo_place(robots: ti.template(), cotangents: ti.template()):
         before = ti.static(gather(robots, pieces))
         if is_hinged(robots, b):
             sine, cosine = sine_cosine(read(robots, body + slots.ANGLE))
-            axis = ti.static(row(robots, given_at(robots, b) + slots.AXIS, 3))
+            axis = given_at(robots, b) + slots.AXIS
+            inputs = ti.static(before + (sine, cosine) + row(robots, axis, 3))
             seeds = ti.static(row(cotangents, body + slots.ROTATION, 18))
-            to = ti.static(pull_back(laws.hinged_place, before + (sine, cosine), axis, seeds))
+            to = ti.static(pull_back(laws.hinged_place, inputs, (), seeds))
             scatter(cotangents, pieces, to[:18])
+            add(cotangents, axis, to[20:])
             add_one(cotangents, body + slots.ANGLE, to[18] * cosine - to[19] * sine)
         else:
             of_place = ti.static(row(cotangents, body + slots.PLACE, 3))

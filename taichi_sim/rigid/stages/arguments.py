@@ -65,6 +65,5 @@ def eye_slots(robots: Block, s: Any) -> Pieces:
 
 @primitive
 def hinge_slots(robots: Block, b: Any) -> Pieces:
-    """Slots for ``hinge_row``: the angle, and the motor's torque, by_command, by_angle, offset and fastest rate."""
-    given = given_at(robots, b)
-    return (body_at(robots, b) + slots.ANGLE, 1), (given + slots.TORQUE, 4), (given + slots.FASTEST, 1)
+    """Slots for ``hinge_row``: the angle; the motor's torque, by_command, by_angle, offset; stops; its fastest rate."""
+    return (body_at(robots, b) + slots.ANGLE, 1), (given_at(robots, b) + slots.TORQUE, 7)

@@ -8,7 +8,6 @@ from taichi_sim.rigid.memory import (
     body_at,
     column,
     gather,
-    given_at,
     is_hinged,
     put,
     read,
@@ -75,9 +74,8 @@ def command_hinges(robots: ti.template()):
     for b in range(1, robots.plan[slots.BODIES]):
         if is_hinged(robots, b):
             body = body_at(robots, b)
-            stops = ti.static(row(robots, given_at(robots, b) + slots.LOWER, 2))
-            motor = ti.static(gather(robots, hinge_slots(robots, b)))
-            wanted = ti.static(laws.hinge_row(*motor, commanded(robots, b), *stops, h, push_out, robots.drifting))
+            hinge = ti.static(gather(robots, hinge_slots(robots, b)))
+            wanted = ti.static(laws.hinge_row(*hinge, commanded(robots, b), h, push_out, robots.drifting))
             put(robots, body + slots.TARGET, wanted[:4])
             put(robots, body + slots.LEAST_RATE, wanted[4:])
             low, high = read(robots, body + slots.LOW), read(robots, body + slots.HIGH)

@@ -131,7 +131,7 @@ def uneven_contact_work(*values: Any) -> Any:
 def hinged_place(*values: Any) -> tuple[Any, ...]:
     """Rotation (9), place (3) and screw (6) of a hinged body.
 
-    Values: the parent's rotation (9) and place (3), anchor (3), centre (3), sine, cosine; then the axis (3).
+    Values: the parent's rotation (9) and place (3), anchor (3), centre (3), sine, cosine, axis (3).
     """
     of_parent, at_parent, anchor, centre, (sine, cosine), axis = spatial.cut(values, 9, 3, 3, 3, 2, 3)
     turned_axis = spatial.turned(of_parent, axis)
@@ -206,10 +206,10 @@ def hinge_row(*values: Any) -> tuple[Any, ...]:
     are passed: the row is then the stop's, and the motor pushes with all its torque the way it wants to go, whatever
     rate that gives (ODE's rule for a powered joint at its stop).
 
-    Values: angle; torque, by_command, by_angle, offset and fastest rate of the motor; command; then stops, time step,
-    correction, drifting.
+    Values: angle; torque, by_command, by_angle and offset of the motor; stops; its fastest rate; command; then time
+    step, correction, drifting.
     """
-    angle, torque, by_command, by_angle, offset, fastest, command, lower, upper = values[:9]
+    angle, torque, by_command, by_angle, offset, lower, upper, fastest, command = values[:9]
     time_step, correction, drifting = values[9:]
     wanted = by_command * command + by_angle * angle + offset
     wanted = select(wanted > fastest, fastest, select(wanted < 0.0 - fastest, 0.0 - fastest, wanted))

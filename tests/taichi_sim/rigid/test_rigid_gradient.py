@@ -115,9 +115,28 @@ def slow_arm(fastest: float) -> Tree:
     return replace(tree, joints=[replace(joint, motor=motor) for joint in tree.hinges])
 
 
+def stopped_arm(stop: float) -> Tree:
+    """An arm that falls upon a stop."""
+    tree = arm(0.4)
+    return replace(tree, joints=[replace(joint, stops=(-1.0, stop)) for joint in tree.hinges])
+
+
+def leaning_arm(lean: float) -> Tree:
+    """An arm whose axis is not level."""
+    tree = arm(0.4)
+    return replace(tree, joints=[replace(joint, axis=(0.0, 1.0, lean)) for joint in tree.hinges])
+
+
 @pytest.mark.parametrize("integration", ["momentum", "velocity"])
 @pytest.mark.parametrize(
-    "tree, value, name", [(ball, 0.1, "position"), (arm, 0.4, "angles"), (slow_arm, 1.3, "angles")]
+    "tree, value, name",
+    [
+        (ball, 0.1, "position"),
+        (arm, 0.4, "angles"),
+        (slow_arm, 1.3, "angles"),
+        (stopped_arm, 0.2, "angles"),
+        (leaning_arm, 0.5, "angles"),
+    ],
 )
 def test_derivatives_of_a_body_without_hinges_and_of_a_fixed_one(tree, value, name, integration):
     def robots(x: float) -> RigidEngine:
