@@ -13,12 +13,13 @@ import numpy as np
 from scipy.stats.qmc import LatinHypercube
 
 from optim.calibration.misfit import Linearised, Misfit
-from robots.calibration import KINDS, Drag, Properties
+from robots.calibration import KINDS, Drag, Experiment, Properties
 from taichi_sim.base.arrays import Floats
 
 Told = Callable[[float, str], None]
 LOOK = 16  # sample points for each property; the number of robots in a vector in version 1.0
 FEW = 4  # best of them around which is looked closer
+FAR_ABOVE = 20.0  # medians of its experiment: a value above them is likely in another unit
 
 
 class Diverged(RuntimeError):
@@ -108,7 +109,8 @@ def _checked_homes(misfit: Misfit) -> tuple[dict[str, type], Floats]:
         part = np.abs(ways[-1])
         unclear = [name for name, p in zip(misfit.names, part, strict=True) if p > 0.5 * part.max()]
         what = " and ".join(unclear) + (" apart" if len(unclear) > 1 else "")
-        raise ValueError(f"fit: the data cannot tell {what}; add experiments or points that do, or fit fewer")
+        more = _far_off(misfit.experiments) or "add experiments or points that do, or fit fewer"
+        raise ValueError(f"fit: the data cannot tell {what}; {more}")
     edges = np.cumsum([len(experiment.values) for experiment in misfit.experiments])[:-1]
     homes: dict[str, type] = {}
     for name, column in zip(misfit.names, (found.sure * misfit.spans).T, strict=True):
@@ -118,6 +120,20 @@ def _checked_homes(misfit: Misfit) -> tuple[dict[str, type], Floats]:
         ]
         homes[name] = type(misfit.experiments[told.index(max(told))])
     return homes, scatter
+
+
+def _far_off(experiments: Sequence[Experiment]) -> str:
+    """Names a value so far above the others of its experiment that the deviation assumed by it drowns them, if any."""
+    for experiment in experiments:
+        sizes = np.abs(experiment.values)
+        if experiment.deviations is None and sizes.max() > FAR_ABOVE * np.median(sizes) > 0:
+            place = int(sizes.argmax())
+            where = "" if np.isinf(experiment.at[place]) else f" at {experiment.axis} {experiment.at[place]:g}"
+            return (
+                f"{experiment.title}: {experiment.quantity} {experiment.values[place]:g}{where} is "
+                f"{sizes[place] / np.median(sizes):.3g} times the median; check it, or give deviations"
+            )
+    return ""
 
 
 def simulated(misfit: Misfit, point: Floats) -> Linearised:

@@ -98,6 +98,15 @@ def test_data_that_cannot_tell_are_refused_after_one_sensitivity():
         calibrate([drag()], BENCH, ("friction", "modulus"))
 
 
+@pytest.mark.kernels
+def test_a_value_in_another_unit_is_named_where_it_drowns_the_others():
+    """Deviations that are not given are assumed by the largest value."""
+    measured = drag()
+    values = np.where(np.arange(len(measured.values)) == 2, 1000.0, 1.0) * measured.values
+    with pytest.raises(ValueError, match=r"cannot tell friction; drag, .* times the median; check it, or give deviat"):
+        calibrate([dataclasses.replace(measured, values=values, deviations=None)], BENCH, ("friction",))
+
+
 def test_what_does_not_act_and_too_few_points_are_refused_before_any_simulation(monkeypatch):
     monkeypatch.setattr(Drag, "predict", lambda *_: pytest.fail("it was simulated"))
     for names, points, message in (
