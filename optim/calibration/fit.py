@@ -18,6 +18,7 @@ from scipy.optimize import lsq_linear
 from optim.calibration.look import Diverged, Told, listed, look_around, simulated
 from optim.calibration.misfit import DIFFERENCE, REPLICAS, TOO_LARGE, WIDEST, Linearised, Misfit, Uncertainty
 from optim.calibration.misfit import uncertainty as uncertainty_of
+from optim.calibration.outliers import outliers
 from robots.calibration import BOUNDS, NAMES, Experiment, Laboratory, Properties, Trial
 from taichi_sim.base.arrays import Floats
 
@@ -45,6 +46,7 @@ class Calibration:
     unlikelihood: float  # minus twice the logarithm of the likelihood after the fit, up to a constant
     at_bound: tuple[str, ...]  # names of properties that ended at a bound
     hardly_told: tuple[str, ...]  # names of properties of which the bounds tell more than the data
+    outliers: tuple[str, ...]  # measurements too far off to be noise, a line each
 
 
 def calibrate(
@@ -132,6 +134,9 @@ def _descend(misfit: Misfit, before: Properties, told: Told, share: tuple[float,
     known = _uncertainty(misfit, found, factors)
     bound, hardly = np.minimum(end - low, high - end) < _NEAR_BOUND, known.errors > _HARDLY * misfit.spans
     around = np.clip(end[:, None] + np.outer(known.reach, [-1.0, 1.0]), *misfit.before.T[..., None])
+    at_bound, hardly_told = (
+        tuple(name for name, flag in zip(misfit.names, flags, strict=True) if flag) for flags in (bound, hardly)
+    )
     return Calibration(
         before,
         misfit.properties(end),
@@ -141,7 +146,9 @@ def _descend(misfit: Misfit, before: Properties, told: Told, share: tuple[float,
         predictions,
         (float(misses[0]), float(misses[1])),
         float((found.residuals**2).sum() - 2 * np.log(factors).sum()),
-        *(tuple(name for name, flag in zip(misfit.names, flags, strict=True) if flag) for flags in (bound, hardly)),
+        at_bound,
+        hardly_told,
+        outliers(found, misfit.experiments),
     )
 
 

@@ -53,6 +53,7 @@ def warnings(found: Calibration) -> list[str]:
         f"the data hardly tell {name}, whose interval is what was known before; add experiments that scatter less"
         for name in found.hardly_told
     ]
+    lines += [f"{line}; check it, or leave it out" for line in found.outliers]
     if found.uncertainty.noise > TOO_LARGE:
         size = f"{found.uncertainty.noise:.1f} standard deviations"
         lines.append(f"the residuals are {size}: the model misses something, or the deviations are too small")

@@ -1,0 +1,49 @@
+"""Find measurements that lie too far off the fitted model to be noise: mistakes of reading, or what the model lacks."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import t
+
+from optim.calibration.misfit import ASSUMED, SMALLEST, Linearised
+from robots.calibration import Experiment
+
+FALSE_ALARM = 0.05  # probability that data without outliers are told to have one
+FEWEST = 5  # values of an experiment from which one can be told from the others
+
+
+def outliers(found: Linearised, experiments: Sequence[Experiment]) -> tuple[str, ...]:
+    """Measurements far from what the others of their experiment say, a line each, the farthest first.
+
+    Each residual is divided by its standard deviation as all others of the experiment tell it (externally studentised,
+    Cook & Weisberg, Residuals and Influence in Regression, 1982), and compared with Student's quantile for the largest
+    of N (Bonferroni). No deviation is below one that is given, or ``SMALLEST``. As outliers hide each other, the
+    farthest is left out before the next is looked for.
+
+    Args:
+        found: weighted misfit at the end of a fit, of N points.
+        experiments: that have these points, in their order.
+    """
+    sure = found.sure
+    left = 1 - np.einsum("nk,kn->n", sure, np.linalg.pinv(sure))
+    edges = np.cumsum([len(each.values) for each in experiments])[:-1]
+    lines = []
+    for experiment, points in zip(experiments, np.split(np.arange(len(left)), edges), strict=True):
+        kept = points[left[points] > 1e-9]
+        least = SMALLEST / ASSUMED if experiment.deviations is None else 1.0
+        while len(kept) >= FEWEST:
+            squares = found.residuals[kept] ** 2
+            freedom = left[kept].sum() - 1
+            others = (squares.sum() - squares / left[kept]) / max(freedom, 1e-9)
+            sizes = np.sqrt(squares / left[kept] / np.maximum(others, least**2))
+            farthest = int(sizes.argmax())
+            if freedom < 1 or sizes[farthest] <= t.ppf(1 - FALSE_ALARM / 2 / len(left), freedom):
+                break
+            lines.append((float(sizes[farthest]), _told(experiment, int(kept[farthest] - points[0]))))
+            kept = np.delete(kept, farthest)
+    return tuple(f"{line} lies {size:.3g} standard deviations of the others off" for size, line in sorted(lines)[::-1])
+
+
+def _told(experiment: Experiment, number: int) -> str:
+    where = "" if np.isinf(experiment.at[number]) else f" at {experiment.axis} {experiment.at[number]:.4g}"
+    return f"{experiment.title}: {experiment.quantity} {experiment.values[number]:.4g}{where}"
