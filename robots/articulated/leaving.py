@@ -2,6 +2,7 @@
 
 import csv
 import io
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,8 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 from taichi_sim.base.plain_xml import parse_xml
 from taichi_sim.rigid import Hinge
-from taichi_sim.rigid.model.resizing import resized_text
+from taichi_sim.rigid.model.files import Reading, read_model
+from taichi_sim.rigid.model.resizing import height_of, resized_text, starts_of
 
 if TYPE_CHECKING:
     from robots.articulated.robot import ArticulatedRobot
@@ -22,7 +24,7 @@ SUFFIXES = {"mujoco": (".xml", ".mjcf"), "robot": (".urdf", ".xml")}
 
 
 def save_model(robot: "ArticulatedRobot", point: ArrayLike, path: Path) -> list[str]:
-    """Write the file of a robot with bodies of the sizes of a design; return what it does not tell of them.
+    """Write the file of a robot with bodies of the sizes of a design; return what it does not tell of it.
 
     Raises:
         ValueError: for another kind of file than the robot's, or bodies that such a file cannot hold.
@@ -33,11 +35,26 @@ def save_model(robot: "ArticulatedRobot", point: ArrayLike, path: Path) -> list[
     _, (sizes,) = robot.split(robot.points(point))
     tree = robot.sizes.tree_of(sizes)
     write_text(path, resized_text(robot.text, robot.sizes.factors(sizes), **robot.reading))
-    if root == "mujoco":
-        return []
-    base = tree.ordered[0][0]
-    height = base.position[2] + base.frame[2]
-    return [f"the origin of {base.name} starts {height:.4g} m above the ground, which URDF does not tell"]
+    untold = list(_beside_the_file(robot))
+    if root == "robot":
+        base = tree.ordered[0][0].name
+        untold.append(f"the origin of {base} starts {height_of(tree):.4g} m above the ground, which URDF does not tell")
+    return untold
+
+
+def _beside_the_file(robot: "ArticulatedRobot") -> Iterator[str]:
+    """What other simulators do not learn from the file of a robot: how it starts, and settings that were given here."""
+    if starts := starts_of(robot.text, **robot.reading):
+        angles = ", ".join(f"{name}={angle:.6g}" for name, angle in starts.items())
+        yield f"hinges start at {angles} rad, which the file does not tell"
+    as_it_is: Reading = {**robot.reading, "fixed": False, "time_step": None}
+    plain = read_model(robot.text, **as_it_is)
+    if robot.tree.fixed and not plain.tree.fixed:
+        yield "the base is fixed to the world, which the file does not tell"
+    if robot.physics.friction != plain.world.friction:
+        yield f"the coefficient of friction is {robot.physics.friction:g}, which the file does not tell"
+    if robot.physics.time_step != plain.world.time_step:
+        yield f"time steps are {robot.physics.time_step:g} s, which the file does not tell"
 
 
 def command_table(robot: "ArticulatedRobot", point: ArrayLike) -> tuple[list[str], Floats]:

@@ -92,7 +92,7 @@ class MjcfReader:
     speed: float
     fastest: float
     parts: list[Part] = field(default_factory=list)
-    hinges: list[str] = field(default_factory=list)
+    hinges: dict[str, tuple[str, float]] = field(default_factory=dict)  # the body on each, and its angle in the file
     sites: dict[str, str] = field(default_factory=dict)
     ignored: dict[str, None] = field(default_factory=dict)  # in the order found
     bodies_read: dict[Element, BodyRead] = field(default_factory=dict)
@@ -213,10 +213,10 @@ class MjcfReader:
         if (kind := joint.get("type", "hinge")) != "hinge":
             raise ValueError(f"{named(joint)}: type {kind!r} is not allowed here; give hinges, and a free base")
         name = joint.get("name") or _unlike(f"joint {len(self.hinges)}", self.joints)
-        self.hinges.append(name)
         anchor = place.position + place.rotation @ numbers(joint, "pos", "0 0 0", 3)
         axis = place.rotation @ direction(joint, "axis", "0 0 1")
         reference = self.compiler.angle(number(joint, "ref", "0"))
+        self.hinges[name] = child, reference
         span = self._span(joint)
         rest = self.angles.get(name)
         if rest is None:

@@ -19,6 +19,7 @@ from taichi_sim.rigid.model.mjcf_resizing import MjcfResizing
 from taichi_sim.rigid.model.scaling import scaled_tree
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
 from taichi_sim.rigid.model.tree import Hinge, Tree, Weld
+from taichi_sim.rigid.model.urdf import link_of
 from taichi_sim.rigid.model.urdf_resizing import resize_urdf
 
 _SAME = 1e-9  # part of the robot's largest length, and of a mass or an inertia, that is rounding
@@ -64,6 +65,25 @@ def resized_text(text: str, factors: Sequence[float], **reading: Unpack[Reading]
         else:
             break
     return found
+
+
+def starts_of(text: str, **reading: Unpack[Reading]) -> dict[str, float]:
+    """Angles [rad] of the hinges that start at another one than in the file itself, by the names of their joints.
+
+    Those are angles that are given, and the middles of ranges that exclude the angle of the file.
+
+    Raises:
+        ValueError: for a text that is no such file.
+    """
+    root = parse_xml(text)
+    rests = {hinge.child: hinge.rest for hinge in read_model(text, **reading).tree.hinges}
+    if root.tag == "mujoco":
+        reader = MjcfReader(root, dict(reading.get("angles") or {}), 1.0, 1.0)
+        reader.read()
+        found = reader.hinges
+    else:
+        found = {joint.get("name", ""): (link_of(joint, "child"), 0.0) for joint in root.findall("joint")}
+    return {name: rests[child] for name, (child, told) in found.items() if rests.get(child, told) != told}
 
 
 def height_of(tree: Tree) -> float:

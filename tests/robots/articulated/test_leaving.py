@@ -46,6 +46,22 @@ def test_a_urdf_file_does_not_tell_where_its_base_starts(tmp_path):
         robot.save_model(point, tmp_path / "cart.mjcf")
 
 
+def test_how_a_robot_starts_and_what_was_given_beside_its_file_is_told(tmp_path):
+    ranged = CRAWLER.replace('name="shoulder"', 'name="shoulder" ref="10"').replace('name="hip"', 'name="hip" ref="5"')
+    robot = ArticulatedRobot(ranged, angles={"hip": 0.3}, friction=np.inf, time_step=1e-3, body_sizes=SIZES)
+    assert robot.save_model(a_point(robot), tmp_path / "crawler.xml") == [
+        "hinges start at hip=0.3 rad, which the file does not tell",
+        "the coefficient of friction is inf, which the file does not tell",
+        "time steps are 0.001 s, which the file does not tell",
+    ]
+    cart = ArticulatedRobot(CART, fixed=True)
+    told = cart.save_model(a_point(cart), tmp_path / "cart.urdf")
+    assert told[0] == "the base is fixed to the world, which the file does not tell" and len(told) == 2
+    hinged = ArticulatedRobot(ranged.replace('axis="0.2 1 0" range="-60 60"', 'axis="0.2 1 0" range="20 60"'))
+    (told,) = hinged.save_model(a_point(hinged), tmp_path / "hinged.xml")
+    assert told == "hinges start at hip=0.698132 rad, which the file does not tell"
+
+
 def test_drives_are_told_angles_and_rates_as_their_file_counts_them(tmp_path):
     robot = ArticulatedRobot(GEARED, duration=0.3, command_rate=20.0)
     point = [1.5, 0.6, 0.1, 0.4, 0.5, 0.2, -0.3]  # frequency, then amplitude, phase and offset of a and b
