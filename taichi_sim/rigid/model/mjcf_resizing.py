@@ -20,7 +20,8 @@ _POWERS = {  # of the size, by which what an attribute says grows
     "light": {"pos": 1},
 }
 _OF_MASSES = ("boundmass", "boundinertia", "balanceinertia", "inertiagrouprange", "inertiafromgeom")
-_WITH_DEFAULTS = ("joint", "geom", "site")
+_WITH_DEFAULTS = ("joint", "geom", "site")  # cameras and lights have theirs, too, but are not checked
+_SITE_SIZE = "0.005 0.005 0.005"  # m, of sites that have none
 
 
 @dataclass(eq=False)
@@ -84,12 +85,25 @@ class MjcfResizing:
 
     def _resize_part(self, element: Element, size: float, within: str) -> None:
         """Resize what belongs to a body: its inertial, joint, solids and sites."""
-        given = self.reader.defaults.resolved(element, within) if element.tag in _WITH_DEFAULTS else element
+        given = self._with_defaults(element, within)
         for name, power in _POWERS[element.tag].items():
             if name in given.attrib:
                 self.written[element].set(name, with_numbers(size**power * numbers(given, name)))
         if element.tag == "geom" and (mesh := given.get("mesh")) and (resized := self._resized_mesh(mesh, size)):
             self.written[element].set("mesh", resized)
+
+    def _with_defaults(self, element: Element, within: str) -> Element:
+        """An element with what it leaves out, as its class has it, and the size that a site has anyway."""
+        defaults = self.reader.defaults
+        if element.tag in _WITH_DEFAULTS:
+            given = defaults.resolved(element, within)
+        else:
+            inherited = defaults.classes.get(element.get("class", within), {}).get(element.tag, {})
+            given = Element(element.tag, {**inherited, **element.attrib})
+        if element.tag == "site":
+            size = given.get("size", "").split()
+            given.set("size", " ".join([*size, *_SITE_SIZE.split()[len(size) :]]))
+        return given
 
     def _resized_mesh(self, name: str, size: float) -> str:
         """Name of a mesh, a picture, in a size; it is added to the file once; empty if the file has no such mesh."""

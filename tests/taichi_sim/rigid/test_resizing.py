@@ -109,6 +109,20 @@ def test_meshes_defaults_and_comments_stay_and_grow_with_their_bodies():
     np.testing.assert_allclose(knee[1], 0.5 * knee[0], atol=1e-12)
 
 
+def test_places_and_sizes_that_parts_do_not_tell_themselves_grow_too():
+    classes = '<camera pos="0.3 0 0.2"/><default class="leg"><light pos="0 0.1 0"/>'
+    text = PICTURED.replace('<site size="0.01"/>', "").replace('<default class="leg">', classes)
+    parts = '<site name="tip" type="box" size="0.03"/><camera name="back"/><light name="lamp"/><geom/>'
+    text = text.replace("<geom/>", parts, 1)
+    before, after = (mujoco.MjModel.from_xml_string(each) for each in (text, resized_text(text, [1.0, 0.5, 2.0, 2.0])))
+    np.testing.assert_allclose(before.site("knee").size, 0.005)
+    for name in ("knee", "tip"):
+        np.testing.assert_allclose(after.site(name).size, 0.5 * before.site(name).size, rtol=1e-12)
+    np.testing.assert_allclose(after.camera("back").pos, [0.15, 0.0, 0.1], rtol=1e-12)
+    np.testing.assert_allclose(after.camera("eye").pos, [0.3, 0.0, 0.1], rtol=1e-12)
+    np.testing.assert_allclose(after.light("lamp").pos, [0.0, 0.05, 0.0], rtol=1e-12)
+
+
 def test_links_keep_their_joints_and_their_pictures_grow():
     text = resized_text(URDF, [1.5, 0.5])
     for told in ('scale="1.5 1.5 1.5"', 'scale="0.0005 0.0005 0.0005"', '<origin xyz="0 0 -0.2" />', 'value="0.125"'):
