@@ -17,27 +17,31 @@ def outliers(found: Linearised, experiments: Sequence[Experiment]) -> tuple[str,
 
     Each residual is divided by its standard deviation as all others of the experiment tell it (externally studentised,
     Cook & Weisberg, Residuals and Influence in Regression, 1982), and compared with Student's quantile for the largest
-    of N (Bonferroni). No deviation is below one that is given, or ``SMALLEST``. As outliers hide each other, the
-    farthest is left out before the next is looked for.
+    of N (Bonferroni). What the properties can change of an experiment is left out of its residuals first, so that noise
+    and outliers of others, which pull at the same properties, do not count. No deviation is below one that is given, or
+    ``SMALLEST``. As outliers hide each other, the farthest is left out before the next is looked for.
 
     Args:
         found: weighted misfit at the end of a fit, of N points.
         experiments: that have these points, in their order.
     """
-    sure = found.sure
-    left = 1 - np.einsum("nk,kn->n", sure, np.linalg.pinv(sure))
+    count, sure = len(found.residuals), found.sure
     edges = np.cumsum([len(each.values) for each in experiments])[:-1]
     lines = []
-    for experiment, points in zip(experiments, np.split(np.arange(len(left)), edges), strict=True):
-        kept = points[left[points] > 1e-9]
+    for experiment, points in zip(experiments, np.split(np.arange(count), edges), strict=True):
+        kept = points
         least = SMALLEST / ASSUMED if experiment.deviations is None else 1.0
         while len(kept) >= FEWEST:
-            squares = found.residuals[kept] ** 2
-            freedom = left[kept].sum() - 1
-            others = (squares.sum() - squares / left[kept]) / max(freedom, 1e-9)
-            sizes = np.sqrt(squares / left[kept] / np.maximum(others, least**2))
+            projection = np.eye(len(kept)) - sure[kept] @ np.linalg.pinv(sure[kept])
+            left, residuals = np.diag(projection), projection @ found.residuals[kept]
+            freedom = round(left.sum()) - 1
+            if freedom < 1:
+                break
+            squares = np.where(left > 1e-9, residuals**2 / np.maximum(left, 1e-9), 0.0)
+            others = (residuals @ residuals - squares) / freedom
+            sizes = np.sqrt(squares / np.maximum(others, least**2))
             farthest = int(sizes.argmax())
-            if freedom < 1 or sizes[farthest] <= t.ppf(1 - FALSE_ALARM / 2 / len(left), freedom):
+            if sizes[farthest] <= t.ppf(1 - FALSE_ALARM / 2 / count, freedom):
                 break
             lines.append((float(sizes[farthest]), _told(experiment, int(kept[farthest] - points[0]))))
             kept = np.delete(kept, farthest)

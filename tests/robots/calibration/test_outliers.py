@@ -22,14 +22,27 @@ def pulls(count):
     return Drag(np.arange(1.0, count + 1) * 1e-3, np.linspace(0.1, 1.0, count), 0.5)
 
 
-def told(errors, rng, *experiments):
-    return outliers(fitted(errors, rng.normal(size=(len(errors), 2))), experiments)
+def told(errors, rng, *experiments, properties=2):
+    return outliers(fitted(errors, rng.normal(size=(len(errors), properties))), experiments)
 
 
-def test_one_fit_in_twenty_has_a_false_outlier():
-    rng = np.random.default_rng(0)
-    found = [bool(told(rng.normal(size=20), rng, pulls(12), pulls(8))) for _ in range(2000)]
-    assert 0.03 < np.mean(found) < 0.07
+@pytest.mark.parametrize("counts, properties", [((12, 8), 2), ((7, 7, 6), 3)])
+def test_one_fit_in_twenty_has_a_false_outlier(counts, properties):
+    """Of several experiments, too, whose residuals one fit makes."""
+    rng, experiments = np.random.default_rng(0), [pulls(count) for count in counts]
+    found = [bool(told(rng.normal(size=sum(counts)), rng, *experiments, properties=properties)) for _ in range(2000)]
+    assert 0.02 < np.mean(found) < 0.07
+
+
+def test_an_outlier_of_an_experiment_makes_none_of_another():
+    rng, hits = np.random.default_rng(3), 0
+    for _ in range(200):
+        errors = rng.normal(size=20)
+        errors[13] += 100.0
+        (first, *others) = told(errors, rng, pulls(10), pulls(10))
+        assert f"at displacement [m] {pulls(10).at[3]:.4g} lies" in first
+        hits += bool(others)
+    assert hits < 20
 
 
 @pytest.mark.parametrize("places", [(3,), (3, 7)])
