@@ -92,7 +92,8 @@ def _check_own_robot(args: argparse.Namespace) -> None:
     field, value = ("rig", args.rig) if args.table is None else ("table", args.table)
     serves = named.kind.instead.get(field, "leave it out")
     if field in named.kind.instead or all(option.name != "rig" for option in named.kind.options_for("simulate")):
-        raise ValueError(f"{field}: {value} is not allowed with {args.robot}, a {named.kind.title}; {serves}")
+        article = "an" if named.kind.title[0] in "aeiou" else "a"
+        raise ValueError(f"{field}: {value} is not allowed with {args.robot}, {article} {named.kind.title}; {serves}")
     if args.table is not None and (named.run or named.source) is not None:
         raise ValueError(f"table: {args.table} has a gait by itself; leave --robot {args.robot} out")
 

@@ -133,6 +133,7 @@ def test_the_plot_is_a_picture(morpholab, folder):
 def test_there_must_be_something_to_write(morpholab, folder):
     code, _, error = morpholab("export rolling.json")
     assert code == 2 and "csv: is missing; name the file to write, or ask for --dry-run or --plot" in error
+    assert "--voxels or --model, what drives of a file's robot are told by --commands" in error
 
 
 def test_the_chart_marks_what_every_state_waits_for():
