@@ -267,6 +267,12 @@ class ArticulatedRobot(Robot):
         """Describe the robot as JSON values, from which :func:`robot_of_record` rebuilds it."""
         return record_of(self)
 
+    def design(self, point: ArrayLike) -> Robot:
+        """The robot of one point, whose speed can be judged."""
+        from robots.articulated.robustness import ArticulatedDesign
+
+        return ArticulatedDesign(self, point)
+
     def save_model(self, point: ArrayLike, path: Path) -> list[str]:
         """Write the robot's file with bodies of the sizes of a design; return what it does not tell of them."""
         from robots.articulated.leaving import save_model

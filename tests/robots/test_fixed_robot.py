@@ -148,9 +148,9 @@ def test_a_design_has_no_gradients(feeling):
 def test_copies_and_pickles_are_the_same_design(feeling):
     _, fixed = feeling
     for other in (copy.copy(fixed), copy.deepcopy(fixed), pickle.loads(pickle.dumps(fixed))):
-        assert type(other) is FixedRobot and isinstance(other, Robot)
+        assert isinstance(other, FixedRobot) and isinstance(other, Robot)
         assert other.point.tolist() == fixed.point.tolist() and other.name == "crawler" == fixed.name
-    assert "FixedRobot" in repr(fixed)
+    assert "ArticulatedDesign" in repr(fixed)
 
 
 def test_a_design_keeps_its_values_when_the_array_changes():

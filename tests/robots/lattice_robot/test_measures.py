@@ -11,10 +11,11 @@ from robots.control.cyclic import LAST_CYCLE
 from robots.freeform import FreeformActuation, FreeformRobot, Grid, Palette, Tissue
 from robots.lattice_robot import Drive, Free, LatticeRobot, load_robot
 from robots.lattice_robot.measures import measure
-from robots.lattice_robot.robustness import STARTS, Trust, trust_in
+from robots.lattice_robot.robustness import STARTS, trust_in
 from robots.lattice_robot.simulation import simulate
 from robots.lattice_robot.squeeze import squeezed_forces
 from robots.robot import Trial
+from robots.trust import FINER, Trust
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
 from taichi_sim.lattice import LatticeBody, LatticeEngine, ProgramBuilder, Quantity, body_from_array
@@ -236,10 +237,10 @@ def test_a_robot_that_goes_backwards_is_trusted_as_its_mirror_image_is():
     assert backwards.kept == forwards.kept
     assert backwards.broken_by == forwards.broken_by == ("ice", "half the time step")
     assert backwards.judgement.failed is forwards.judgement.failed
-    steady = Trust(np.array([-0.0841]), {"0.5 of the friction": -0.0879, "half the time step": -0.0850})
+    steady = Trust(np.array([-0.0841]), {"0.5 of the friction": -0.0879, "half the time step": -0.0850}, (FINER,))
     assert steady.kept > 1 and not steady.broken_by and not steady.judgement.failed
     for way in (1, -1):
-        guess = Trust(way * np.array([0.02, 0.03, 0.04]), {"half the time step": way * 0.058, "ice": way * 0.09})
+        guess = Trust(way * np.array([0.02, 0.03, 0.04]), {FINER: way * 0.058, "ice": way * 0.09}, (FINER,))
         assert guess.unsettled_by == ("half the time step",) and not steady.unsettled_by
         assert "; more than half as fast again with half the time step, so" in guess.judgement.text
 
