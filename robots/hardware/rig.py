@@ -49,6 +49,7 @@ from taichi_sim.base.short_text import ShortText
 Described = TypeVar("Described", "Channel", LineMap)
 LONGEST_LAG = 3600.0  # [s]
 LONGEST_DELAY = 10.0  # of a valve [s]; more is one in milliseconds
+IDEAL = "ideal"  # what commands call a rig whose lines have at any time what they are told
 ROUNDING = 1e-9  # of a limit, as part of it: what is exactly at a limit survives rounding
 MOST_CORES = 7  # lines for cores: as many as the published pouch has room for
 

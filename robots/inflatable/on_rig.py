@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robots.hardware.rig import PneumaticRig
+from robots.hardware.rig import IDEAL, PneumaticRig
 from robots.hardware.rig_play import check_strokes, play_table
 from robots.hardware.rig_response import AS_COMMANDED, CAUSES, LAG, WHOLE_RESPONSE, Response, causes_of
 from robots.hardware.table import GaitTable, read_csv
@@ -22,8 +22,6 @@ from taichi_sim.base.short_text import decimal
 
 if TYPE_CHECKING:
     from robots.inflatable.robot import InflatableRobot
-
-IDEAL = "ideal"
 
 
 def gait_of_table(

@@ -76,7 +76,8 @@ class LatticeRobotKind(LatticeGroundKind):
         ),
         Option(
             "rig",
-            "with --channels: the rig that plays it, whose delays, regulators, limits of rate and lag act",
+            "with --channels: the rig that plays it, whose delays, regulators, limits of rate and lag act (default: "
+            "ideal, which has none)",
             file_text,
             "RIG",
             commands=("simulate", "view"),

@@ -81,7 +81,7 @@ class OutOfTheLab(Robot):
     def changed(self, options: Mapping[str, Any]) -> Robot:
         """This robot with ``own_measures`` and ``links``; driven by a table of ``channels``, played by a ``rig``."""
         from robots.hardware.channel_table import read_channels
-        from robots.hardware.rig import PneumaticRig
+        from robots.hardware.rig import IDEAL, PneumaticRig
         from robots.lattice_robot.on_rig import played_robot
 
         if "rig" in options and "channels" not in options:
@@ -92,7 +92,8 @@ class OutOfTheLab(Robot):
             robot = replace(robot, body=replace(robot.body, links=options["links"]))
         if "channels" not in options:
             return robot
-        rig = PneumaticRig.load(options["rig"]) if "rig" in options else None
+        named = options.get("rig", IDEAL)
+        rig = None if named == IDEAL else PneumaticRig.load(named)
         return played_robot(robot.fixed, read_channels(options["channels"]), rig)
 
     def judge(

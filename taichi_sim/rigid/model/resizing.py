@@ -56,7 +56,7 @@ def resized_text(text: str, factors: Sequence[float], **reading: Unpack[Reading]
         else:
             resize_urdf(root, written, sizes)
             bounded = False
-        found = _before(text) + ElementTree.tostring(copy, encoding="unicode") + "\n"
+        found = f"{_before(text)}{ElementTree.tostring(copy, encoding='unicode')}\n{_after(text, root.tag)}"
         try:
             _check_same(read_model(found, **reading).tree, wanted, placed=root.tag == "mujoco")
         except ValueError:
@@ -95,6 +95,12 @@ def _before(text: str) -> str:
     """Comments before the root of a file; the encoding of the new one is always UTF-8."""
     head = re.match(r"\s*(<\?xml.*?\?>\s*)?((<!--.*?-->\s*)*)", text, re.DOTALL)
     return head[2] if head else ""
+
+
+def _after(text: str, tag: str) -> str:
+    """Comments after the root of a file."""
+    tail = text[text.rfind(f"</{tag}") :].partition(">")[2].lstrip()
+    return tail if re.fullmatch(r"(<!--.*?-->\s*)*", tail, re.DOTALL) else ""
 
 
 def _origin(tree: Tree) -> Floats:

@@ -89,7 +89,10 @@ def test_mujoco_reads_the_same_bodies():
 def test_meshes_defaults_and_comments_stay_and_grow_with_their_bodies():
     tree = read_model(PICTURED).tree
     assert [body.name for body, _ in tree.ordered] == ["trunk", "left", "right", "boot"]
-    text = resized_text(PICTURED, [1.0, 0.5, 2.0, 2.0])
+    text = resized_text(f"{PICTURED}\n<!-- The end, </mujoco>. -->\n", [1.0, 0.5, 2.0, 2.0])
+    assert "The end" not in text  # what looks like the end of the root is left out
+    text = resized_text(f"{PICTURED}\n<!-- The end. -->\n", [1.0, 0.5, 2.0, 2.0])
+    assert text.endswith("</mujoco>\n<!-- The end. -->\n")
     assert text.startswith("<!-- Licence: none. -->\n<mujoco model=") and "<!-- the left leg -->" in text
     assert 'euler="0 0 -1"' in text and '<velocity joint="right" kv="3" ctrlrange="-2 2" />' in text
     before, after = mujoco.MjModel.from_xml_string(PICTURED), mujoco.MjModel.from_xml_string(text)
