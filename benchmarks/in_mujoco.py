@@ -2,9 +2,9 @@
 
 The robot is Gymnasium's Ant with other drives, which follow angles or rates; its body, in the sizes of each design, and
 what its drives are told leave the lab by ``save_model`` and ``save_commands``. MuJoCo simulates each gait as
-the file says, and without the inertia of rotors (1 kg m^2) and the damping of hinges, which the lab ignores; each
-twice, with the time step of the file and with a quarter of it: how far these two agree is the most to ask for. Half of
-the searches are told that friction and slope are uncertain.
+the file says; without the inertia of rotors (1 kg m^2) and the damping of hinges, which the lab ignores; and so with
+hard contacts, and legs that pass through each other, as here. Both simulators do it twice, with the time step of the
+file and with a quarter of it. Half of the searches are told that friction and slope are uncertain.
 
     python benchmarks/in_mujoco.py --out in-mujoco.csv [--random 60] [--seeds 8] [--generations 60]
     python benchmarks/in_mujoco.py --from docs/data/in-mujoco.csv
@@ -14,6 +14,7 @@ import argparse
 import csv
 import re
 import warnings
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,6 +30,7 @@ from optim.problems.robot import RobotProblem
 from robots.articulated import ArticulatedRobot, simulate
 from robots.free import Free
 from taichi_sim.base.arrays import Floats
+from taichi_sim.rigid.model.resizing import starts_of
 
 SECONDS = 3.0
 ANT = Path(gymnasium.__path__[0]) / "envs/mujoco/assets/ant.xml"
@@ -36,9 +38,11 @@ MOTOR = re.compile(r'<motor [^>]*joint="(\w+)"[^>]*/>')
 LIMIT = 'forcelimited="true" forcerange="-150 150"'
 DRIVES = {"angles": f'kp="150" kv="8" {LIMIT}', "rates": f'kv="30" {LIMIT}'}
 RANGES = {"hip": (-0.5, 0.5), "ankle_1": (0.5, 1.2), "ankle_2": (-1.2, -0.5), "ankle_3": (-1.2, -0.5)}  # rad
-FIELDS = ("drives", "gait", "number", "variant", "here", "mujoco", "mujoco_quarter_step")
-VARIANTS = ("as the file", "light rotors")
+FIELDS = ("drives", "gait", "number", "variant", "here", "here_short", "mujoco", "mujoco_short")
+VARIANTS = ("as the file", "light rotors", "light rotors, hard contacts")
+SHORTER = 4  # times
 ARMATURE = 0.02  # kg m^2, of light rotors
+HARD = (0.02, 1.0)  # s, and damping ratio: twice the time step of the file, the hardest that is stable
 GROUPED = ("drives", "gait", "variant")
 SIZES = {"aux_*": Free(0.5, 2.0), "body *": Free(0.5, 2.0)}
 RANDOM = "random"
@@ -64,9 +68,16 @@ def in_mujoco(model: Path, commands: Path, variant: str, shorter: int = 1) -> fl
     theirs = mujoco.MjModel.from_xml_path(str(model))
     theirs.opt.timestep /= shorter
     theirs.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # drives are stiff for light rotors
-    if variant == "light rotors":
+    if "light rotors" in variant:
         theirs.dof_armature[6:], theirs.dof_damping[6:] = ARMATURE, 0.0
+    if "hard contacts" in variant:
+        theirs.opt.cone, theirs.opt.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
+        theirs.geom_solref[:], theirs.geom_solimp[:, :3], theirs.geom_margin[:] = HARD, (0.95, 0.99, 0.001), 0.0
+        theirs.geom_contype[0], theirs.geom_conaffinity[0] = 1, 1  # of the floor, which is the first
+        theirs.geom_contype[1:], theirs.geom_conaffinity[1:] = 0, 1
     data = mujoco.MjData(theirs)
+    for joint, angle in starts_of(model.read_text()).items():
+        data.joint(joint).qpos[0] = angle
     table = np.loadtxt(commands, delimiter=",", skiprows=1)
     mujoco.mj_forward(theirs, data)
     start = data.subtree_com[1].copy()
@@ -96,15 +107,17 @@ def measured(count: int, seeds: int, generations: int) -> list[dict[str, Any]]:
                 [designed(robot, seed, generations, uncertain) for seed in range(seeds)] if gait != RANDOM else drawn
             )
             points = np.array(found)
-            distances = simulate(robot, points, threads=1).distance
-            for number, (point, distance) in enumerate(zip(points, distances, strict=True)):
+            step = robot.physics.time_step
+            steps = (replace(robot, time_step=each) for each in (step, step / SHORTER))
+            ways = np.transpose([simulate(each, points, threads=1).distance for each in steps])
+            for number, (point, here) in enumerate(zip(points, ways.tolist(), strict=True)):
                 with TemporaryDirectory() as folder:
                     model, commands = Path(folder) / "ant.xml", Path(folder) / "told.csv"
                     robot.save_model(point, model)
                     robot.save_commands(point, commands)
                     for variant in VARIANTS:
-                        theirs = [in_mujoco(model, commands, variant, shorter) for shorter in (1, 4)]
-                        row = drives, gait, number, variant, float(distance), *theirs
+                        theirs = [in_mujoco(model, commands, variant, shorter) for shorter in (1, SHORTER)]
+                        row = drives, gait, number, variant, *(round(way, 4) for way in (*here, *theirs))
                         rows.append(dict(zip(FIELDS, row, strict=True)))
             print(f"{drives}, {gait}: {len(points)} gaits", flush=True)
     return rows
@@ -112,12 +125,13 @@ def measured(count: int, seeds: int, generations: int) -> list[dict[str, Any]]:
 
 def report(rows: list[dict[str, Any]]) -> str:
     """A table of what the rows tell, with intervals of 95 %."""
-    names = "drives follow", "gaits", "in MuJoCo", "n", "here [m]", "there [m]", "there / here", "rank correlation"
-    lines = [f"| {' | '.join([*names, 'of MuJoCo with short steps'])} |", "|---" * 9 + "|"]
+    names = ("drives follow", "gaits", "in MuJoCo", "n", "here [m]", "here with short steps / here", "there / here")
+    more = ("both with short steps", "rank correlation", "of MuJoCo with short steps")
+    lines = [f"| {' | '.join((*names, *more))} |", "|---" * 10 + "|"]
     for kind in product(DRIVES, GAITS, VARIANTS):
         some = [row for row in rows if tuple(str(row[name]) for name in FIELDS if name in GROUPED) == kind]
-        here, there, short = (np.array([float(row[name]) for row in some]) for name in FIELDS[4:])
-        told = [str(len(some)), mean(here), mean(there), share(here, there)]
+        here, brief, there, short = (np.array([float(row[name]) for row in some]) for name in FIELDS[4:])
+        told = [str(len(some)), mean(here), share(here, brief), share(here, there), share(brief, short)]
         ranked = [correlation(here, there), correlation(there, short)] if kind[1] == RANDOM else ["-", "-"]
         lines.append(f"| {' | '.join([*kind, *told, *ranked])} |")
     return "\n".join(lines)
@@ -129,7 +143,7 @@ def mean(ways: Floats) -> str:
 
 
 def share(here: Floats, there: Floats) -> str:
-    """What part of their way here gaits come there, by least squares through zero."""
+    """What part of some ways others are, by least squares through zero."""
     return interval(here, there, lambda a, b: float(a @ b / (a @ a)))
 
 
