@@ -49,10 +49,11 @@ def trust_in(
 ) -> Trust:
     """Try a design, shape (P,), with its numbers a little off, with less friction, and with shorter time steps.
 
-    Networks decide once a time step, so shorter ones would change what they do, and are left out.
+    Friction is left out where it is 0, has no limit, or does not act, as afloat. Networks decide once a time step, so
+    shorter ones would change what they do, and are left out.
 
     Raises:
-        ValueError: for a network with infinite friction.
+        ValueError: for a network without friction that could change.
     """
     low, high = np.array([(each.low, each.high) for each in robot.parameters]).T
     noise = NOISE * (high - low) * np.random.default_rng(seed).standard_normal((DESIGNS, len(point)))
@@ -60,14 +61,15 @@ def trust_in(
     variants: dict[str, ArticulatedRobot] = {}
     afloat = isinstance(world, Terrain) and world.is_fluid
     friction, step = robot.physics.friction, robot.physics.time_step
-    if math.isfinite(friction) and not afloat:
+    if 0 < friction < math.inf and not afloat:
         variants |= {f"{part:g} of the friction": replace(robot, friction=part * friction) for part in FRICTIONS}
     if robot.controller == "rhythm":
         rate = 1 / (robot.hold * step)  # which stays
         for name, shorter in ((FINER, 2), (FINEST, 4)):
             variants[name] = replace(robot, time_step=step / shorter, command_rate=rate)
     if not variants:
-        raise ValueError("judge: a network beside friction without a limit has nothing to change; give --friction")
+        helps = "leave --judge out" if afloat else "give --friction"
+        raise ValueError(f"judge: a network without friction that could change has nothing to change; {helps}")
     speeds = []
     for number, (tried, points) in enumerate([(robot, near), *((each, point[None]) for each in variants.values())]):
         tick = part_of(progress, number, 1 + len(variants))

@@ -43,8 +43,12 @@ def test_friction_counts_only_where_there_is_some_and_steps_where_a_rhythm_plays
     network = ArticulatedRobot(CRAWLER, duration=0.2, controller="network")
     assert len(trust_in(network, network.start, network.worlds[0], compute=compute).changed) == len(FRICTIONS)
     network = ArticulatedRobot(CRAWLER, duration=0.2, controller="network", friction=math.inf)
-    with pytest.raises(ValueError, match=r"^judge: a network beside friction without a limit has nothing to change"):
+    with pytest.raises(ValueError, match=r"^judge: a network without friction .* nothing to change; give --friction$"):
         trust_in(network, network.start, network.worlds[0], compute=compute)
+    with pytest.raises(ValueError, match=r"^judge: a network without friction .* nothing to change; leave --judge out$"):
+        trust_in(network, network.start, Terrain.parse("water"), compute=compute)
+    smooth = ArticulatedRobot(CRAWLER, duration=0.2, friction=0.0)
+    assert list(trust_in(smooth, smooth.start, smooth.worlds[0], compute=compute).changed) == [FINER, FINEST]
 
 
 def test_a_design_is_judged_by_the_command_that_its_search_names(morpholab, tmp_path):
