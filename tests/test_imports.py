@@ -38,7 +38,7 @@ OF_ONE_KIND = {
 }
 
 # What a rig is and is told, whichever robot it drives.
-OF_ANY_RIG = ("lines", "units", "line_map", "rig", "rig_response", "rig_table", "timeline", "headroom", "channel_table")
+OF_ANY_RIG = ("lines", "units", "line_map", "rig", "rig_response", "rig_table", "timeline", "headroom", "channel_play")
 
 # Functions with more parameters than a reader can hold, and how many they have.
 MOST, MOST_IN_KERNELS = 10, 20

@@ -7,7 +7,6 @@ import numpy as np
 from robots.hardware.channel_table import ChannelTable, Wave
 from robots.hardware.rig import PneumaticRig
 from robots.hardware.rig_response import WHOLE_RESPONSE, Response, line_pressures
-from robots.hardware.units import KPA_PER_UNIT
 from taichi_sim.base.arrays import Floats
 
 NODES = 16  # of the waves: as many as a simulated cycle has pieces
@@ -35,15 +34,10 @@ def waves_behind(table: ChannelTable, rig: PneumaticRig, response: Response = WH
 
 def _steady(table: ChannelTable, rig: PneumaticRig, response: Response) -> Floats:
     """Pressures behind all lines at the nodes of a cycle that repeats, (NODES, C) [kPa]."""
-    sections = np.array(table.sections)
-    before, main = np.flatnonzero(sections == "prefix"), np.flatnonzero(sections == "main")
-    kpa, length = table.pressures * KPA_PER_UNIT[table.units], table.durations["main"]
-    start = float(table.times[main[0]])
+    length, start = table.durations["main"], float(table.times[np.array(table.sections) == "main"][0])
     cycles = 2
     while cycles <= _MOST_CYCLES:
-        again = [(table.times[main[1:]] + number * length, kpa[main[1:]]) for number in range(cycles)]
-        times = np.concatenate([table.times[before], *(each for each, _ in again)])
-        commands = np.concatenate([kpa[before], *(each for _, each in again)])
+        times, commands = table.played_rows(cycles)
         step = length / (NODES * _FINE)
         at = np.concatenate([np.arange(-np.ceil(start / step), 0), np.arange(cycles * NODES * _FINE + 1)]) * step
         lines = line_pressures(times, commands, rig, start + at, response)

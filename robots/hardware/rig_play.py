@@ -40,15 +40,9 @@ def commanded(table: GaitTable) -> tuple[Floats, Floats, float, float]:
         Times [s], shape (N,); pressures of L lines [kPa], shape (N, L); when the body is shaped, and when its first
         column ends.
     """
-    pressures, sections = table.pressures * KPA_PER_UNIT[table.units], np.array(table.sections)
     shaped = float(table.times[table.states == 0].max())
     first = float(table.times[table.states == 1].max())
-    prefix, main = np.flatnonzero(sections == "prefix"), np.flatnonzero(sections == "main")[1:]
-    start, length = float(table.times[prefix[-1]]), table.durations.get("main", 0.0)
-    loops = [table.times[main] + loop * length for loop in range(table.loops)]
-    assert not loops or loops[0][0] > start
-    times = np.concatenate([table.times[prefix], *loops])
-    return times, np.concatenate([pressures[prefix], *([pressures[main]] * table.loops)]), shaped, first
+    return *table.played_rows(table.loops), shaped, first
 
 
 def check_strokes(table: GaitTable) -> None:

@@ -112,6 +112,14 @@ class RigTable(ShortText, ABC):
         rows = np.array(self.sections)
         return {name: float(np.ptp(self.times[rows == name])) for name in dict.fromkeys(self.sections)}
 
+    def played_rows(self, loops: int) -> tuple[Floats, Floats]:
+        """Times [s] and pressures [kPa], (N, L), of the prefix's rows, then of the main's, played so many times."""
+        sections, kpa = np.array(self.sections), self.pressures * KPA_PER_UNIT[self.units]
+        before, main = np.flatnonzero(sections == "prefix"), np.flatnonzero(sections == "main")[1:]  # where that ends
+        length = self.durations.get("main", 0.0)
+        times = np.concatenate([self.times[before], *(self.times[main] + loop * length for loop in range(loops))])
+        return times, np.concatenate([kpa[before], *([kpa[main]] * loops)])
+
     @property
     def seconds(self) -> float:
         """How long it takes, with its loops [s]."""
