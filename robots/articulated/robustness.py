@@ -11,7 +11,7 @@ import numpy as np
 
 from robots.outcome import Judgement
 from robots.robot import HERE, FixedRobot, Progress, World, part_of
-from robots.trust import FINER, Trust
+from robots.trust import FINER, FRICTIONS, Trust
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 DESIGNS = 8
 NOISE = 1e-3  # of the range of each parameter: standard deviation of what designs differ by
-FRICTIONS = (0.5, 0.625, 0.75, 0.875)  # parts of the coefficient
 FINEST = "a quarter of the time step"
 
 

@@ -13,7 +13,7 @@ from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY
 from robots.lattice_robot.gains import Gains
 from robots.lattice_robot.ground import without_friction
 from robots.robot import Progress, Trial
-from robots.trust import FINER, Trust
+from robots.trust import FINER, FRICTIONS, Trust
 from robots.uncertainty import Perturbation
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 STARTS = 8
 NOISE = 1e-3  # of an edge: standard deviation of the start positions, unless the robot has its own
-FRICTIONS = (0.5, 0.625, 0.75, 0.875)  # parts of the coefficients of all materials and drives
 OTHER_LINKS = "balanced links"  # a change of how a robot is computed, not of the robot
 
 

@@ -187,7 +187,7 @@ def _found(folder: Path, contest: Contest, run: tuple[str, str, int], seconds: f
     made = designed(problem)
     made.save(made.space.from_dict(best), path)
     trust = trust_in(load_robot(path), PROBLEMS[problem].terrain, compute=EXACT)
-    trials = [*(("start", speed) for speed in trust.starts.tolist()), *trust.changed.items()]
+    trials = [*(("start", speed) for speed in trust.speeds.tolist()), *trust.changed.items()]
     kept = trust.kept if trust.speed > 0 else None
     return {**row, "speed": trust.speed, "kept": kept}, [{**about, "trial": k, "speed": speed} for k, speed in trials]
 

@@ -9,8 +9,8 @@ import pytest
 from articulated_files import CRAWLER
 
 from robots.articulated import ArticulatedRobot, simulate
-from robots.articulated.robustness import DESIGNS, FINEST, FRICTIONS, trust_in
-from robots.trust import FINER
+from robots.articulated.robustness import DESIGNS, FINEST, trust_in
+from robots.trust import FINER, FRICTIONS
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
 
@@ -27,10 +27,10 @@ def test_each_change_is_what_it_says():
     assert finer.hold == 2 * robot.hold
     assert found.changed[FINER] == simulate(finer, [robot.start], **HERE).distance[0] / 0.3
     assert list(found.changed) == [*(f"{part:g} of the friction" for part in FRICTIONS), FINER, FINEST]
-    assert len(found.starts) == DESIGNS and np.ptp(found.starts) > 0
+    assert len(found.speeds) == DESIGNS and np.ptp(found.speeds) > 0
     again = trust_in(robot, robot.start, robot.worlds[0], compute=Compute(**HERE))
     other = trust_in(robot, robot.start, robot.worlds[0], seed=1, compute=Compute(**HERE))
-    assert np.array_equal(again.starts, found.starts) and not np.array_equal(other.starts, found.starts)
+    assert np.array_equal(again.speeds, found.speeds) and not np.array_equal(other.speeds, found.speeds)
     assert " m/s, " in found.judgement.text.splitlines()[0]
 
 
@@ -45,7 +45,7 @@ def test_friction_counts_only_where_there_is_some_and_steps_where_a_rhythm_plays
     network = ArticulatedRobot(CRAWLER, duration=0.2, controller="network", friction=math.inf)
     with pytest.raises(ValueError, match=r"^judge: a network without friction .* nothing to change; give --friction$"):
         trust_in(network, network.start, network.worlds[0], compute=compute)
-    with pytest.raises(ValueError, match=r"^judge: a network without friction .* nothing to change; leave --judge out$"):
+    with pytest.raises(ValueError, match=r"^judge: a network without friction .* to change; leave --judge out$"):
         trust_in(network, network.start, Terrain.parse("water"), compute=compute)
     smooth = ArticulatedRobot(CRAWLER, duration=0.2, friction=0.0)
     assert list(trust_in(smooth, smooth.start, smooth.worlds[0], compute=compute).changed) == [FINER, FINEST]

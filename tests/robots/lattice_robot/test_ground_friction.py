@@ -73,7 +73,7 @@ def test_judges_try_a_part_of_the_friction_of_the_ground() -> None:
     robot, compute = walker_robot(WALKER, actuation=WalkerActuation(cycles=2)), Compute(precision="f32", threads=1)
     found = trust_in(robot, GRIPPY, compute=compute)
     same = trust_in(robot.on(GRIPPY), Terrain(), compute=compute)
-    assert found.changed == same.changed and np.array_equal(found.starts, same.starts)
+    assert found.changed == same.changed and np.array_equal(found.speeds, same.speeds)
     assert len(set(found.changed.values())) == len(found.changed)
 
 

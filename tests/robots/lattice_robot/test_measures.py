@@ -194,11 +194,11 @@ def test_noise_is_the_same_for_all_points_and_differs_by_seed():
 @pytest.mark.kernels
 def test_trust_is_told_for_people_and_machines():
     trust = trust_in(robot(), Terrain(), compute=Compute())
-    assert len(trust.starts) == STARTS and np.ptp(trust.starts) > 0
+    assert len(trust.speeds) == STARTS and np.ptp(trust.speeds) > 0
     others = [*(f"{p:g} of the friction" for p in (0.5, 0.625, 0.75, 0.875)), "half the time step", "balanced links"]
     assert list(trust.changed) == others
     document = robot().judge(Terrain(), compute=Compute()).document
-    assert document["speeds"] == trust.starts.tolist() and document["kept"] == trust.kept
+    assert document["speeds"] == trust.speeds.tolist() and document["kept"] == trust.kept
     plain = robot()
     balanced = dataclasses.replace(plain, body=dataclasses.replace(plain.body, links="balanced"))
     assert balanced.simulate((), Terrain()).measures["speed"][0] != plain.simulate((), Terrain()).measures["speed"][0]
@@ -221,19 +221,19 @@ def test_a_part_of_the_friction_is_that_of_driven_friction_too():
         return LatticeRobot(body, (muscle, feet), cycles=1, settling=0.1, perturbation=1e-6, seed=1)
 
     trust = trust_in(inchworm(1.0), Terrain(), seed=1, compute=Compute())
-    assert trust.changed["0.5 of the friction"] == simulate(inchworm(0.5), [[]]).measures["speed"][0] != trust.starts[0]
+    assert trust.changed["0.5 of the friction"] == simulate(inchworm(0.5), [[]]).measures["speed"][0] != trust.speeds[0]
 
 
 def test_trust_names_what_breaks_a_robot():
     trust = Trust(np.array([1.0, 0.9, 1.1]), {"ice": 0.1, "sand": 0.6, "half the time step": 0.8})
     assert trust.kept == pytest.approx(0.6) and trust.broken_by == ("ice",)
     assert "less than half with ice" in trust.judgement.text and not trust.judgement.failed
-    assert dataclasses.replace(trust, starts=np.zeros(3)).judgement.failed
+    assert dataclasses.replace(trust, speeds=np.zeros(3)).judgement.failed
 
 
 def test_a_robot_that_goes_backwards_is_trusted_as_its_mirror_image_is():
     forwards = Trust(np.array([1.0, 0.9, 1.1]), {"ice": 0.1, "sand": 0.6, "half the time step": -0.8})
-    backwards = Trust(-forwards.starts, {name: -speed for name, speed in forwards.changed.items()})
+    backwards = Trust(-forwards.speeds, {name: -speed for name, speed in forwards.changed.items()})
     assert backwards.kept == forwards.kept
     assert backwards.broken_by == forwards.broken_by == ("ice", "half the time step")
     assert backwards.judgement.failed is forwards.judgement.failed
