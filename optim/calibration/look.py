@@ -14,6 +14,7 @@ from scipy.stats.qmc import LatinHypercube
 
 from optim.calibration.misfit import Linearised, Misfit
 from robots.calibration import KINDS, Drag, Experiment, Properties
+from robots.calibration.experiments import spoken_reading
 from taichi_sim.base.arrays import Floats
 
 Told = Callable[[float, str], None]
@@ -128,11 +129,8 @@ def _far_off(experiments: Sequence[Experiment]) -> str:
         sizes = np.abs(experiment.values)
         if experiment.deviations is None and sizes.max() > FAR_ABOVE * np.median(sizes) > 0:
             place = int(sizes.argmax())
-            where = "" if np.isinf(experiment.at[place]) else f" at {experiment.axis} {experiment.at[place]:g}"
-            return (
-                f"{experiment.title}: {experiment.quantity} {experiment.values[place]:g}{where} is "
-                f"{sizes[place] / np.median(sizes):.3g} times the median; check it, or give deviations"
-            )
+            times = f"{sizes[place] / np.median(sizes):.3g} times the median"
+            return f"{spoken_reading(experiment, place)} is {times}; check it, or give deviations"
     return ""
 
 

@@ -7,6 +7,7 @@ from scipy.stats import t
 
 from optim.calibration.misfit import ASSUMED, SMALLEST, Linearised
 from robots.calibration import Experiment
+from robots.calibration.experiments import spoken_reading
 
 FALSE_ALARM = 0.05  # probability that data without outliers are told to have one
 FEWEST = 5  # values of an experiment from which one can be told from the others
@@ -43,11 +44,6 @@ def outliers(found: Linearised, experiments: Sequence[Experiment]) -> tuple[str,
             farthest = int(sizes.argmax())
             if sizes[farthest] <= t.ppf(1 - FALSE_ALARM / 2 / count, freedom):
                 break
-            lines.append((float(sizes[farthest]), _told(experiment, int(kept[farthest] - points[0]))))
+            lines.append((float(sizes[farthest]), spoken_reading(experiment, int(kept[farthest] - points[0]))))
             kept = np.delete(kept, farthest)
     return tuple(f"{line} lies {size:.3g} standard deviations of the others off" for size, line in sorted(lines)[::-1])
-
-
-def _told(experiment: Experiment, number: int) -> str:
-    where = "" if np.isinf(experiment.at[number]) else f" at {experiment.axis} {experiment.at[number]:.4g}"
-    return f"{experiment.title}: {experiment.quantity} {experiment.values[number]:.4g}{where}"

@@ -202,13 +202,13 @@ class Sizes:
 
     def factors(self, sizes: Floats) -> list[float]:
         """The size of each body in the order of ``tree.ordered``, of some free sizes, (K,)."""
-        each = [float(size) for size in self.settled(sizes).values() if not isinstance(size, Free)]
+        each = list(self.settled(sizes).values())
         return [1.0 if number < 0 else each[number] for number in self.which]
 
     def _tree(self, sizes: Floats) -> Tree:
         return scaled_tree(self.tree, self.factors(sizes))
 
-    def settled(self, sizes: Floats) -> dict[str, Size]:
+    def settled(self, sizes: Floats) -> dict[str, float]:
         """What is given, with these sizes, (K,), in place of the free ones."""
         left = iter(sizes.tolist())
         return {name: next(left) if isinstance(size, Free) else size for name, size in self.given.items()}

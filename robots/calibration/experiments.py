@@ -204,5 +204,12 @@ class Gait:
         return np.where((run.status == "ok")[:, None], found[:, place], np.nan)
 
 
+def spoken_reading(experiment: "Experiment", number: int) -> str:
+    """One reading of an experiment in words, by its number: its experiment, its value, and where it was measured."""
+    at, value = experiment.at[number], experiment.values[number]
+    where = "" if np.isinf(at) else f" at {experiment.axis} {at:.4g}"
+    return f"{experiment.title}: {experiment.quantity} {value:.4g}{where}"
+
+
 Experiment = Drag | Diameter | Gait
 KINDS = (Drag, Diameter, Gait)  # in the order of files, and in which a fit looks at them

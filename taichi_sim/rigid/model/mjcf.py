@@ -163,7 +163,7 @@ class MjcfReader:
         """Read a body and those on it; ``still`` says whether what carries it does not move."""
         joints = self._joints_of(body, childclass)
         childclass = body.get("childclass", childclass)
-        name = body.get("name") or _unlike(f"body {len(self.parts)}", self.bodies)
+        name = body.get("name") or unlike(f"body {len(self.parts)}", self.bodies)
         if keyword(body, "mocap", "false", "true") == "true":
             raise ValueError(f"body {name}: mocap is not allowed; give a body that moves by itself")
         place = carrier.then(numbers(body, "pos", "0 0 0", 3), self.compiler.turn(body))
@@ -212,7 +212,7 @@ class MjcfReader:
         """Read a joint: the place of the body when its hinge is at rest, and the hinge."""
         if (kind := joint.get("type", "hinge")) != "hinge":
             raise ValueError(f"{named(joint)}: type {kind!r} is not allowed here; give hinges, and a free base")
-        name = joint.get("name") or _unlike(f"joint {len(self.hinges)}", self.joints)
+        name = joint.get("name") or unlike(f"joint {len(self.hinges)}", self.joints)
         anchor = place.position + place.rotation @ numbers(joint, "pos", "0 0 0", 3)
         axis = place.rotation @ direction(joint, "axis", "0 0 1")
         reference = self.compiler.angle(number(joint, "ref", "0"))
@@ -259,7 +259,7 @@ class MjcfReader:
         taken = {name for _, actuator in self.drives.values() if (name := actuator.get("name"))}
         found = list[str]()
         for joint, (_, actuator) in self.drives.items():
-            found.append(actuator.get("name") or _unlike(joint, taken))
+            found.append(actuator.get("name") or unlike(joint, taken))
             taken.add(found[-1])
         return tuple(found)
 
@@ -309,7 +309,7 @@ def is_free(joint: Element) -> bool:
     return joint.tag == "freejoint" or joint.get("type") == "free"
 
 
-def _unlike(name: str, taken: set[str]) -> str:
+def unlike(name: str, taken: set[str]) -> str:
     """A name for what has none, which nothing in the file has."""
     while name in taken:
         name += "'"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
 from taichi_sim.base.arrays import Floats
-from taichi_sim.rigid.model.mjcf import BodyRead, MjcfReader, is_free
+from taichi_sim.rigid.model.mjcf import BodyRead, MjcfReader, is_free, unlike
 from taichi_sim.rigid.model.xml_values import numbers, with_numbers
 
 _POWERS = {  # of the size, by which what an attribute says grows
@@ -48,9 +48,9 @@ class MjcfResizing:
         """Write the bodies anew."""
         if self.weighed:
             compilers = [self.written[each] for each in self.reader.root.iterfind("compiler")]
-            for name in (name for each in compilers for name in _OF_MASSES if name in each.attrib):
-                for each in compilers:
-                    each.attrib.pop(name, None)
+            for compiler in compilers:
+                for name in _OF_MASSES:
+                    compiler.attrib.pop(name, None)
             compilers[0].set("inertiafromgeom", "false")
         base = self.reader.base
         if self.rise.any():
@@ -112,7 +112,7 @@ class MjcfResizing:
             if not found:
                 return ""
             taken = {_name_of(each) for each in self.reader.root.iterfind("asset/mesh")} | set(self.meshes.values())
-            copy = Element("mesh", {**found[0].attrib, "name": _unlike(f"{name}_x{size:g}", taken)})
+            copy = Element("mesh", {**found[0].attrib, "name": unlike(f"{name}_x{size:g}", taken)})
             inherited = self.reader.defaults.classes.get(copy.get("class", "main"), {}).get("mesh", {})
             copy.set("scale", inherited.get("scale", "1 1 1") if copy.get("scale") is None else copy.get("scale", ""))
             copy.set("scale", with_numbers(size * numbers(copy, "scale", None, 3)))
@@ -137,9 +137,3 @@ def _inertial(body: BodyRead, size: float) -> Element:
 def _name_of(mesh: Element) -> str:
     """Name of a mesh, which is that of its file without a name of its own."""
     return mesh.get("name") or mesh.get("file", "").replace("\\", "/").rpartition("/")[2].rpartition(".")[0]
-
-
-def _unlike(name: str, taken: set[str]) -> str:
-    while name in taken:
-        name += "_"
-    return name
