@@ -26,7 +26,7 @@ TABLES = ("csv", "plain", "c_header")
 OUTPUTS = (*TABLES, "plot", "voxels", "parts", "model", "commands")  # options that name what is written
 COMMAND = Command(
     "export",
-    "write a gait for the hardware, surfaces to print, or a mould",
+    "write a gait for the hardware, surfaces to print, a mould, or a file for other simulators",
     "Write the pressures that play a gait on a pneumatic rig, within its limits, as CSV; of a lattice robot also its "
     "surfaces for printers, a mould to cast it in, and a file for other simulators; of a robot from an MJCF or URDF "
     "file that file with bodies of the design's sizes, and what its drives are told.",

@@ -33,7 +33,9 @@ COMMAND = Command(
             "judge",
             "tell how far the speed can be trusted; of a gait: the mean of eight runs from starts that differ by 10 "
             "nm, what remains of it under harder conditions, on measured floors, with other friction and with half the "
-            "time step, how far feet slip while they grip and all parts under load, drift and chatter",
+            "time step, how far feet slip while they grip and all parts under load, drift and chatter; of other "
+            "robots: what remains of it if starts or numbers of the design differ a little, with less friction, and "
+            "with shorter time steps",
         ),
         Option(
             "uncertain",
