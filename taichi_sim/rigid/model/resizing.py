@@ -135,7 +135,8 @@ def _drive_of(joint: Hinge | Weld | None) -> object:
     """What of a joint has nothing to do with sizes."""
     if not isinstance(joint, Hinge):
         return None
-    return joint.parent, joint.child, joint.motor, joint.command, joint.stops, joint.rest
+    axis = tuple(float(part) for part in joint.axis)
+    return joint.parent, joint.child, axis, joint.motor, joint.command, joint.stops, joint.rest
 
 
 def _numbers(tree: Tree, origin: Floats) -> tuple[list[Floats], list[Floats]]:
@@ -154,5 +155,5 @@ def _of_solid(solid: Solid) -> Floats:
     if isinstance(solid, Box):
         return np.concatenate([solid.size, solid.centre])
     if isinstance(solid, Capsule):
-        return np.concatenate([[solid.radius, solid.length], solid.centre])
+        return np.concatenate([[solid.radius], np.multiply(solid.length, solid.axis), solid.centre])
     return np.concatenate([[solid.radius], solid.centre])
