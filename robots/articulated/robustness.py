@@ -28,7 +28,11 @@ class ArticulatedDesign(FixedRobot):
     """An articulated robot of which nothing is free, whose speed can be judged."""
 
     robot: "ArticulatedRobot"
-    can_be_judged = True
+
+    @property
+    def can_be_judged(self) -> bool:  # type: ignore[override]
+        """Whether there is friction, or a rhythm's time step, to change."""
+        return self.robot.controller == "rhythm" or 0 < self.robot.physics.friction < math.inf
 
     def judge(
         self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None

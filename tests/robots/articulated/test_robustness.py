@@ -43,6 +43,7 @@ def test_friction_counts_only_where_there_is_some_and_steps_where_a_rhythm_plays
     network = ArticulatedRobot(CRAWLER, duration=0.2, controller="network")
     assert len(trust_in(network, network.start, network.worlds[0], compute=compute).changed) == len(FRICTIONS)
     network = ArticulatedRobot(CRAWLER, duration=0.2, controller="network", friction=math.inf)
+    assert not network.design(network.start).can_be_judged and endless.design(endless.start).can_be_judged
     with pytest.raises(ValueError, match=r"^judge: a network without friction .* nothing to change; give --friction$"):
         trust_in(network, network.start, network.worlds[0], compute=compute)
     with pytest.raises(ValueError, match=r"^judge: a network without friction .* to change; leave --judge out$"):
