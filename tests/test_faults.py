@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from articulated_files import CRAWLER
 from faults import Disk, Memory, contents
 from measurements import GRIPPING
 from shortened_commands import shorten
@@ -57,6 +58,7 @@ class Case:
 CASES = {
     "export": Case("export inching --csv gait.csv --plain plain.csv --c-header gait.h --plot gait.png"),
     "export a mould": Case("export starfish.py --parts parts --mould draft=2,wall=3"),
+    "export a model": Case("export crawler.xml --body-sizes front=1.3 --model sized.xml --commands told.csv"),
     "export voxels": Case("export voxel_walker.vxa --voxels walker.vxl.json --parts walker.3mf"),
     "view": Case(
         "view vehicle --out page.html --picture still.png --glb motion.glb --strip strip.png --quiet", many=True
@@ -115,7 +117,7 @@ READ = {
 VOLATILE = ("timing.jsonl", "environment.json", ".lock", "checkpoint.npz", "checkpoint.previous.npz")
 FAULTS = {"disk": Disk, "memory": Memory}
 # What is tried at every call in every run of the tests, as it takes no second; and of which arrays fail there.
-QUICK = ("example of measurements", "track", "track events")
+QUICK = ("example of measurements", "export a model", "track", "track events")
 QUICK_OF_MEMORY = ("simulate", "codesign")
 NO_ARRAYS = ("report", "track events", "reproduce from data", "example of measurements")  # that are large
 
@@ -125,6 +127,7 @@ def prepare(folder, case, morpholab):
     for name in EXAMPLES:
         shutil.copy(ROOT / "examples" / name, folder)
     (folder / "drags.toml").write_text(GRIPPING)
+    (folder / "crawler.xml").write_text(CRAWLER)
     write_task(folder)
     for line in case.before:
         assert morpholab(line)[0] == 0, line
