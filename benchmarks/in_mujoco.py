@@ -14,6 +14,7 @@ import argparse
 import csv
 import re
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -139,23 +140,29 @@ def report(rows: list[dict[str, Any]]) -> str:
 
 def mean(ways: Floats) -> str:
     """Mean of distances."""
-    return interval(ways, ways, lambda a, _: float(a.mean()))
+    return interval(ways, ways, lambda a, _: a.mean(-1))
 
 
 def share(here: Floats, there: Floats) -> str:
     """What part of some ways others are, by least squares through zero."""
-    return interval(here, there, lambda a, b: float(a @ b / (a @ a)))
+    return interval(here, there, lambda a, b: (a * b).sum(-1) / (a * a).sum(-1))
 
 
 def correlation(here: Floats, there: Floats) -> str:
     """Rank correlation of two ways."""
-    return interval(here, there, lambda a, b: float(stats.spearmanr(a, b).statistic))
+
+    def told(a: Floats, b: Floats) -> Floats:
+        ranks = [stats.rankdata(each, axis=-1) - (each.shape[-1] + 1) / 2 for each in (a, b)]
+        sizes = [(each * each).sum(-1) for each in ranks]
+        return np.asarray((ranks[0] * ranks[1]).sum(-1) / np.sqrt(sizes[0] * sizes[1]))
+
+    return interval(here, there, told)
 
 
-def interval(here: Floats, there: Floats, told: Any) -> str:
-    """A number of pairs, with the interval of its bootstrap."""
+def interval(here: Floats, there: Floats, told: Callable[[Floats, Floats], Any]) -> str:
+    """A number of pairs, along the last axis, with the interval of its bootstrap."""
     draws = np.random.default_rng(0).integers(0, len(here), (DRAWS, len(here)))
-    low, high = np.nanquantile([told(here[each], there[each]) for each in draws], (0.025, 0.975))
+    low, high = np.nanquantile(told(here[draws], there[draws]), (0.025, 0.975))
     return f"{told(here, there):.2f} ({low:.2f} to {high:.2f})"
 
 
