@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> Report:
     if args.mould is not None and args.parts is None:
         raise ValueError("mould: it needs a place; give --parts as well, a .3mf file or a folder")
     wanted = args.csv or args.dry_run or args.plot or args.plain or args.c_header
-    if not (wanted or any(getattr(args, name) for name in OUTPUTS)):
+    if not (args.dry_run or any(getattr(args, name) for name in OUTPUTS)):
         raise ValueError(
             "csv: is missing; name the file to write, or ask for --dry-run or --plot; bodies are written by --parts, "
             "--voxels or --model, what drives of a file's robot are told by --commands"

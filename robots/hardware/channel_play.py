@@ -35,10 +35,9 @@ def waves_behind(table: ChannelTable, rig: PneumaticRig, response: Response = WH
 def _steady(table: ChannelTable, rig: PneumaticRig, response: Response) -> Floats:
     """Pressures behind all lines at the nodes of a cycle that repeats, (NODES, C) [kPa]."""
     length, start = table.durations["main"], float(table.times[np.array(table.sections) == "main"][0])
-    cycles = 2
+    cycles, step = 2, length / (NODES * _FINE)
     while cycles <= _MOST_CYCLES:
         times, commands = table.played_rows(cycles)
-        step = length / (NODES * _FINE)
         at = np.concatenate([np.arange(-np.ceil(start / step), 0), np.arange(cycles * NODES * _FINE + 1)]) * step
         lines = line_pressures(times, commands, rig, start + at, response)
         last, previous = (lines[-1 - NODES * _FINE * (number + 1) :][: NODES * _FINE] for number in (0, 1))
