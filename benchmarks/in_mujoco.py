@@ -1,10 +1,10 @@
 """How far gaits of a robot of an MJCF file come in MuJoCo, beside here: random ones, and ones that searches found here.
 
-The robot is Gymnasium's Ant with other drives, which follow angles or rates; its body, in the sizes of each design, and
-what its drives are told leave the lab by ``save_model`` and ``save_commands``. MuJoCo simulates each gait as
-the file says; without the inertia of rotors (1 kg m^2) and the damping of hinges, which the lab ignores; and so with
-hard contacts, and legs that pass through each other, as here. Both simulators do it twice, with the time step of the
-file and with a quarter of it. Half of the searches are told that friction and slope are uncertain.
+The robot is Gymnasium's Ant with other drives, servos by angle or by rate, and with its own rotors (1 kg m^2) and
+dampers or with light rotors alone; its body, in the sizes of each design, and what its drives are told leave the lab by
+``save_model`` and ``save_commands``. MuJoCo simulates each gait as the file says, and with hard contacts, and legs that
+pass through each other, as here. Both simulators do it twice, with the time step of the file and with a quarter of it.
+Half of the searches are told that friction and slope are uncertain.
 
     python benchmarks/in_mujoco.py --out in-mujoco.csv [--random 60] [--seeds 8] [--generations 60]
     python benchmarks/in_mujoco.py --from docs/data/in-mujoco.csv
@@ -39,12 +39,13 @@ MOTOR = re.compile(r'<motor [^>]*joint="(\w+)"[^>]*/>')
 LIMIT = 'forcelimited="true" forcerange="-150 150"'
 DRIVES = {"angles": f'kp="150" kv="8" {LIMIT}', "rates": f'kv="30" {LIMIT}'}
 RANGES = {"hip": (-0.5, 0.5), "ankle_1": (0.5, 1.2), "ankle_2": (-1.2, -0.5), "ankle_3": (-1.2, -0.5)}  # rad
-FIELDS = ("drives", "gait", "number", "variant", "here", "here_short", "mujoco", "mujoco_short")
-VARIANTS = ("as the file", "light rotors", "light rotors, hard contacts")
+FIELDS = ("drives", "rotors", "gait", "number", "contacts", "here", "here_short", "mujoco", "mujoco_short")
+ROTORS = {"heavy": "", "light": 'armature="0.02" damping="0"'}  # those of the file are heavy
+CONTACTS = ("of the file", "hard")
 SHORTER = 4  # times
-ARMATURE = 0.02  # kg m^2, of light rotors
+OWN_ROTORS = 'armature="1" damping="1"'  # of the file
 HARD = (0.02, 1.0)  # s, and damping ratio: twice the time step of the file, the hardest that is stable
-GROUPED = ("drives", "gait", "variant")
+GROUPED = ("drives", "rotors", "gait", "contacts")
 SIZES = {"aux_*": Free(0.5, 2.0), "body *": Free(0.5, 2.0)}
 RANDOM = "random"
 GAITS = {RANDOM: "", "designed": "", "designed for uncertain floors": "friction=30%,slope=2"}
@@ -52,8 +53,8 @@ TRIED = 6  # floors that a search tries each gait on
 DRAWS = 4000  # of bootstraps
 
 
-def ant(drives: str) -> ArticulatedRobot:
-    """The robot, with drives that follow angles or rates, and legs of free sizes."""
+def ant(drives: str, rotors: str) -> ArticulatedRobot:
+    """The robot, with servos by angle or rate, heavy or light rotors, and legs of free sizes."""
 
     def driven(found: re.Match[str]) -> str:
         if drives == "rates":
@@ -61,17 +62,18 @@ def ant(drives: str) -> ArticulatedRobot:
         low, high = RANGES.get(found[1], RANGES["hip"] if "hip" in found[1] else RANGES["ankle_1"])
         return f'<position joint="{found[1]}" ctrlrange="{low} {high}" {DRIVES[drives]}/>'
 
-    return ArticulatedRobot(MOTOR.sub(driven, ANT.read_text()), name="ant", duration=SECONDS, body_sizes=SIZES)
+    text = MOTOR.sub(driven, ANT.read_text())
+    assert text.count(OWN_ROTORS) == 1
+    text = text.replace(OWN_ROTORS, ROTORS[rotors] or OWN_ROTORS)
+    return ArticulatedRobot(text, name="ant", duration=SECONDS, body_sizes=SIZES)
 
 
-def in_mujoco(model: Path, commands: Path, variant: str, shorter: int = 1) -> float:
+def in_mujoco(model: Path, commands: Path, contacts: str, shorter: int = 1) -> float:
     """Distance along x that a robot comes in MuJoCo [m], with time steps that are so many times shorter."""
     theirs = mujoco.MjModel.from_xml_path(str(model))
     theirs.opt.timestep /= shorter
     theirs.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # drives are stiff for light rotors
-    if "light rotors" in variant:
-        theirs.dof_armature[6:], theirs.dof_damping[6:] = ARMATURE, 0.0
-    if "hard contacts" in variant:
+    if contacts == "hard":
         theirs.opt.cone, theirs.opt.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
         theirs.geom_solref[:], theirs.geom_solimp[:, :3], theirs.geom_margin[:] = HARD, (0.95, 0.99, 0.001), 0.0
         theirs.geom_contype[0], theirs.geom_conaffinity[0] = 1, 1  # of the floor, which is the first
@@ -99,8 +101,8 @@ def designed(robot: ArticulatedRobot, seed: int, generations: int, uncertain: st
 def measured(count: int, seeds: int, generations: int) -> list[dict[str, Any]]:
     """Try all gaits here and there."""
     rows = []
-    for drives in DRIVES:
-        robot = ant(drives)
+    for drives, rotors in product(DRIVES, ROTORS):
+        robot = ant(drives, rotors)
         low, high = np.array([(each.low, each.high) for each in robot.parameters]).T
         drawn = np.random.default_rng(0).uniform(low, high, (count, len(low)))
         for gait, uncertain in GAITS.items():
@@ -116,24 +118,33 @@ def measured(count: int, seeds: int, generations: int) -> list[dict[str, Any]]:
                     model, commands = Path(folder) / "ant.xml", Path(folder) / "told.csv"
                     robot.save_model(point, model)
                     robot.save_commands(point, commands)
-                    for variant in VARIANTS:
-                        theirs = [in_mujoco(model, commands, variant, shorter) for shorter in (1, SHORTER)]
-                        row = drives, gait, number, variant, *(round(way, 4) for way in (*here, *theirs))
+                    for contacts in CONTACTS:
+                        theirs = [in_mujoco(model, commands, contacts, shorter) for shorter in (1, SHORTER)]
+                        row = drives, rotors, gait, number, contacts, *(round(way, 4) for way in (*here, *theirs))
                         rows.append(dict(zip(FIELDS, row, strict=True)))
-            print(f"{drives}, {gait}: {len(points)} gaits", flush=True)
+            print(f"{drives}, {rotors} rotors, {gait}: {len(points)} gaits", flush=True)
     return rows
 
 
 def report(rows: list[dict[str, Any]]) -> str:
     """A table of what the rows tell, with intervals of 95 %."""
-    names = ("drives follow", "gaits", "in MuJoCo", "n", "here [m]", "here with short steps / here", "there / here")
+    names = (
+        "servos by",
+        "rotors",
+        "gaits",
+        "contacts in MuJoCo",
+        "n",
+        "here [m]",
+        "here with short steps / here",
+        "there / here",
+    )
     more = ("both with short steps", "rank correlation", "of MuJoCo with short steps")
-    lines = [f"| {' | '.join((*names, *more))} |", "|---" * 10 + "|"]
-    for kind in product(DRIVES, GAITS, VARIANTS):
+    lines = [f"| {' | '.join((*names, *more))} |", "|---" * 11 + "|"]
+    for kind in product(DRIVES, ROTORS, GAITS, CONTACTS):
         some = [row for row in rows if tuple(str(row[name]) for name in FIELDS if name in GROUPED) == kind]
-        here, brief, there, short = (np.array([float(row[name]) for row in some]) for name in FIELDS[4:])
+        here, brief, there, short = (np.array([float(row[name]) for row in some]) for name in FIELDS[5:])
         told = [str(len(some)), mean(here), share(here, brief), share(here, there), share(brief, short)]
-        ranked = [correlation(here, there), correlation(there, short)] if kind[1] == RANDOM else ["-", "-"]
+        ranked = [correlation(here, there), correlation(there, short)] if kind[2] == RANDOM else ["-", "-"]
         lines.append(f"| {' | '.join([*kind, *told, *ranked])} |")
     return "\n".join(lines)
 

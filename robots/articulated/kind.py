@@ -61,10 +61,20 @@ class ArticulatedKind(RobotKind):
             number(1e-12),
             "N",
         ),
-        Option("speed", "of position drives without any of their own, 1/s (default: 10)", number(1e-6), "N"),
+        Option(
+            "speed",
+            "of position drives that hold rates, 1/s (default: 10 of URDF; drives of MJCF are servos)",
+            number(1e-6),
+            "N",
+        ),
         Option("reflexes", REFLEXES, checked(_reflexes), "SENSES"),
         flag("fixed", "fix the base of a URDF robot to the world, as a root link named world does"),
-        Option("fastest", "rate of drives by torque, rad/s (default: 10)", number(1e-6), "N"),
+        Option(
+            "fastest",
+            "rate of drives without one, rad/s (default: 10 of URDF; drives of MJCF have their torques)",
+            number(1e-6),
+            "N",
+        ),
         Option(
             "command_rate",
             "how often commands of a rhythm change, in Hz (default: 50, or once a time step)",

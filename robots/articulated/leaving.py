@@ -13,7 +13,7 @@ from robots.articulated.simulation import rhythm
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 from taichi_sim.base.plain_xml import parse_xml
-from taichi_sim.rigid import Hinge
+from taichi_sim.rigid import Hinge, Servo
 from taichi_sim.rigid.model.files import Reading, read_model
 from taichi_sim.rigid.model.resizing import height_of, resized_text, starts_of
 
@@ -61,7 +61,7 @@ def command_table(robot: "ArticulatedRobot", point: ArrayLike) -> tuple[list[str
     """What the drives of a design are told in a trial: names of columns, and a row for each command, (K, 1 + M).
 
     The first column is the time from which a row holds [s]; the others are angles as the file counts them [rad], or
-    rates of drives that have no target angle [rad/s].
+    rates of drives that have no target angle [rad/s], or torques of those that have neither [N m].
 
     Raises:
         ValueError: for robots whose commands depend on what they feel.
@@ -94,7 +94,9 @@ def _told(hinge: Hinge, commands: Floats) -> tuple[Floats, str]:
     """What commands mean to the drive of a hinge, and its unit."""
     motor = hinge.motor
     assert motor is not None
-    rates = motor.by_command * commands + motor.offset
-    if motor.by_angle == 0:
-        return rates if motor.fastest is None else np.clip(rates, -motor.fastest, motor.fastest), "rad/s"
-    return rates / -motor.by_angle + hinge.rest, "rad"
+    told = motor.by_command * commands + motor.offset
+    if motor.by_angle != 0:
+        return told / -motor.by_angle + hinge.rest, "rad"
+    if isinstance(motor, Servo):
+        return (told / motor.by_rate, "rad/s") if motor.by_rate > 0 else (told, "N m")
+    return told if motor.fastest is None else np.clip(told, -motor.fastest, motor.fastest), "rad/s"

@@ -69,8 +69,8 @@ class ArticulatedRobot(Robot):
             weight hold, see ``taichi_sim.rigid.World``.
         angles: of hinges at the start, by their joints' names [rad]; else as in the file.
         fixed: whether a URDF robot's base is fixed to the world whatever its file says; MJCF says so itself.
-        speed: of position drives whose own does not follow from the file [1/s], see ``parse_model``.
-        fastest: rate of drives by torque at full command [rad/s].
+        speed: of position drives that hold rates [1/s]; None: those of MJCF are servos, see ``files.Reading``.
+        fastest: rate of drives at full command [rad/s]; None: those of MJCF have the torque of the file.
         time_step: of the simulation [s]; None: that of the file, or 2 ms.
         reflexes: what it feels, and how that changes its rhythm; None for a robot that feels nothing.
         seed: of the noise of its senses.
@@ -95,8 +95,8 @@ class ArticulatedRobot(Robot):
     friction: float | None = None
     angles: Mapping[str, float] = field(default_factory=dict)
     fixed: bool = False
-    speed: float = 10.0
-    fastest: float = 10.0
+    speed: float | None = None
+    fastest: float | None = None
     reflexes: DriveReflexes | None = None
     time_step: float | None = None
     slip: float | None = None

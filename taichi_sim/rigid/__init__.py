@@ -3,7 +3,7 @@
 from taichi_sim.rigid.engine import RigidEngine
 from taichi_sim.rigid.model.settings import Network, World
 from taichi_sim.rigid.model.shapes import Box, Capsule, Sphere
-from taichi_sim.rigid.model.tree import Body, Hinge, Motor, Tree, Weld
+from taichi_sim.rigid.model.tree import Body, Hinge, Motor, Passive, Servo, Tree, Weld
 from taichi_sim.rigid.pose import poses
 from taichi_sim.rigid.session import RigidSession
 from taichi_sim.rigid.state import Frames, RigidResult, State
@@ -17,10 +17,12 @@ __all__ = [
     "Hinge",
     "Motor",
     "Network",
+    "Passive",
     "RigidEngine",
     "RigidResult",
     "RigidSession",
     "Senses",
+    "Servo",
     "Sphere",
     "State",
     "Tree",

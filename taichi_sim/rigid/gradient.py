@@ -34,6 +34,7 @@ class RigidGradient:
         position: of the base at the start, (B, 3) [1/m].
         orientation: of the base at the start, (B, 4).
         angles: at the start, (B, H) [1/rad].
+        rates: of rotors and springs at the start, (B, H) [s/rad]; bodies' motion lies in ``carried``.
         places: of bodies on their own at the start, (B, bodies, 3) [1/m]; zero unless they may drift.
         carried: velocities, or momenta, of bodies at the start, (B, bodies, 6); all other derivatives hold them fixed.
         described: whether robots started as their trees describe them.
@@ -52,6 +53,7 @@ class RigidGradient:
     position: Floats
     orientation: Floats
     angles: Floats
+    rates: Floats
     places: Floats
     carried: Floats
     described: bool
@@ -171,6 +173,7 @@ class RigidTape:
             position=section(slots.POSITION, 3),
             orientation=section(slots.ORIENTATION, 4),
             angles=bodies[:, self._run.trees[0].hinged, slots.ANGLE],
+            rates=bodies[:, self._run.trees[0].hinged, slots.LAST_RATE],
             places=bodies[..., slots.OWN : slots.OWN + 3],
             carried=bodies[..., slots.CARRIED : slots.CARRIED + 6],
             described=self._run.described,

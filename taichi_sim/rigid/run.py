@@ -87,7 +87,8 @@ class Run:
         carried, places, moving = self._carried(robots, given)
         for slot, values in ((slots.CARRIED, carried), (slots.OWN, places), (slots.MOVING, moving)):
             bodies[:, slot : slot + values.shape[-1]] = values.transpose(1, 2, 0)
-        bodies[self.trees[0].hinged, slots.ANGLE] = given["angles"].T
+        hinged = self.trees[0].hinged
+        bodies[hinged, slots.ANGLE], bodies[hinged, slots.LAST_RATE] = given["angles"].T, given["rates"].T
         return found
 
     @property

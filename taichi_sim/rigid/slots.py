@@ -30,23 +30,27 @@ CLOSEST, DIVERGED, RESIDUAL = 10, 11, 12
 ROOT, ROOT_RIGHT, SLIP_STRENGTH, IMPULSE_TOLERANCE, HEAD = 13, 34, 40, 41, 42
 
 # Of a body. State: what it carries from step to step (angular, then linear), its own position, its hinge.
-CARRIED, OWN, ANGLE, MODES = 0, 6, 9, 10
-STATE_WIDTH = 12
+CARRIED, OWN, ANGLE, MODES, LAST_RATE = 0, 6, 9, 10, 12
+STATE_WIDTH = 13
 # Work: rotation, place relative to the base, hinge as a spatial vector, drift off the tree, inertia about the base,
 # momentum; the articulated inertia and momentum, the hinge's column, inverse, rate and contact impulse; its row, with
-# the least and the largest rate that its stops allow.
-ROTATION, PLACE, SCREW, DRIFT, INERTIA, MOMENTUM = 12, 21, 24, 30, 33, 39
-ARTICULATED, IMPULSE, COLUMN, INVERSE, FREE_RATE, CONTACT, RATE = 45, 66, 72, 78, 79, 80, 81
-TARGET, PUSH, LOW, HIGH, VELOCITY = 82, 83, 84, 85, 86
+# the least and the largest rate that its stops allow, the impulse with which it resists each unit of its rate, and that
+# by which a servo gives less for each; -1 of a motor that holds its rate. TARGET is a servo's impulse at rest.
+ROTATION, PLACE, SCREW, DRIFT, INERTIA, MOMENTUM = 13, 22, 25, 31, 34, 40
+ARTICULATED, IMPULSE, COLUMN, INVERSE, FREE_RATE, CONTACT, RATE = 46, 67, 73, 79, 80, 81, 82
+TARGET, PUSH, LOW, HIGH, VELOCITY = 83, 84, 85, 86, 87
 MOVING = MOMENTUM  # after a step: its velocity, that of its centre
-LEAST_RATE, MOST_RATE = 92, 93
-BODY_WIDTH = 94
+LEAST_RATE, MOST_RATE, RESISTANCE, SERVO = 93, 94, 95, 96
+BODY_WIDTH = 97
 
 # Parameters of a body: mass, inertia at rest, from the anchor to the centre, from the parent's centre to the anchor,
-# axis; of its motor: torque, desired rate = by command, by angle, offset; stops; the motor's largest rate.
+# axis; of its motor: torque, desired rate (of a servo torque) = by command, by angle, offset; stops; the motor's
+# largest rate; what acts on the hinge besides: inertia of the rotor, damping, stiffness of the spring and the angle
+# where that rests; a servo's torque by the rate, -1 of a motor that holds its rate.
 MASS, REST_INERTIA, CENTRE, ANCHOR, AXIS = 0, 1, 7, 10, 13
 TORQUE, BY_COMMAND, BY_ANGLE, OFFSET, LOWER, UPPER, FASTEST = 16, 17, 18, 19, 20, 21, 22
-PARAMETER_WIDTH = 23
+ROTOR, DAMPING, STIFFNESS, SPRING_REST, BY_RATE = 23, 24, 25, 26, 27
+PARAMETER_WIDTH = 28
 
 # Of a point that may touch the ground: place relative to the base, depth, normal impulse of each phase, strength of
 # its friction, row of the factored matrix; for the complementarity: right-hand side, member, scratch, excess; how fast
@@ -72,6 +76,8 @@ LIMIT, SATURATED, WITHIN, SANDY_POINT_WIDTH = 0, 1, 2, 3
 PARENT, HINGED, MOTOR, PATH_LENGTH, TOUCH, BODY_COLUMNS = range(6)
 
 NO_STOP = 1e20  # an angle, an impulse or a rate that is out of reach
-# Of a hinge's row: its rate is as desired; else its impulse is at the upper (1) or lower (-1) bound, or its rate is
-# the least (2) or the largest (-2) that its stops allow, with an impulse beyond the bounds of its motor.
+NO_LIMIT = 1e30  # N m, of a drive: whose impulse in a step is out of reach
+# Of a hinge's row: its rate is as desired, or its impulse as a servo's law has it; else its impulse is at the upper (1)
+# or lower (-1) bound, or its rate is the least (2) or the largest (-2) that its stops allow, with an impulse beyond the
+# bounds of its motor.
 MODE_DRIVEN = 0.0

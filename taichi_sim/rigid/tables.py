@@ -1,7 +1,8 @@
 """Arrays that describe trees to kernels: the plan, which all robots of a batch share, and the parameters of each."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +12,7 @@ from taichi_sim.ground.laws import FIRM
 from taichi_sim.ground.relief import Relief
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.model.shapes import Vector, vector
-from taichi_sim.rigid.model.tree import Hinge, Tree
+from taichi_sim.rigid.model.tree import Hinge, Motor, Servo, Tree
 
 Ints = NDArray[np.int32]
 
@@ -126,13 +127,23 @@ def parameters_of(tree: Tree) -> Floats:
         each[slots.ANCHOR : slots.ANCHOR + 3] = anchor - of_parent
         if isinstance(joint, Hinge):
             each[slots.AXIS : slots.AXIS + 3] = np.array(joint.axis) / np.linalg.norm(joint.axis)
-            if joint.motor is not None:
-                motor = joint.motor
-                each[slots.TORQUE : slots.OFFSET + 1] = motor.torque, motor.by_command, motor.by_angle, motor.offset
-                each[slots.FASTEST] = slots.NO_STOP if motor.fastest is None else motor.fastest
+            if (motor := joint.motor) is not None:
+                torque = slots.NO_LIMIT if motor.torque is None else motor.torque
+                each[slots.TORQUE : slots.OFFSET + 1] = torque, motor.by_command, motor.by_angle, motor.offset
+                fastest = motor.fastest if isinstance(motor, Motor) else None
+                each[slots.FASTEST] = slots.NO_STOP if fastest is None else fastest
             if joint.stops is not None:
                 each[[slots.LOWER, slots.UPPER]] = joint.stops
+            each[slots.ROTOR : slots.SPRING_REST + 1] = astuple(joint.passive)
+            each[slots.BY_RATE] = _drag(tree, joint, motor) if isinstance(motor, Servo) else -1.0
     return found
+
+
+def _drag(tree: Tree, hinge: Hinge, servo: Servo) -> float:
+    """Torque of a servo against its rate [N m s/rad]; a damper is critical at 2 sqrt(stiffness inertia)."""
+    if servo.damping_ratio == 0:
+        return servo.by_rate
+    return servo.by_rate + 2 * servo.damping_ratio * math.sqrt(-servo.by_angle * tree.inertia_about(hinge))
 
 
 def points_of(tree: Tree) -> Floats:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from taichi_sim.rigid import Body, Box, Capsule, Hinge, Motor, Sphere, Tree, Weld
+from taichi_sim.rigid import Body, Box, Capsule, Hinge, Motor, Passive, Servo, Sphere, Tree, Weld
 from taichi_sim.rigid.model.shapes import Solid
 from taichi_sim.rigid.model.tree import Joint
 
@@ -29,7 +29,9 @@ def draw_tree(rng: np.random.Generator) -> tuple[Tree, list[str]]:
     features += ["fixed base"] * fixed + ["hinges"] * bool(hinges) + ["welds"] * (len(hinges) < len(joints))
     features += ["motors"] * bool(motors) + ["free hinges"] * (len(motors) < len(hinges))
     features += ["stops"] * any(hinge.stops is not None for hinge in hinges)
-    features += ["limited rates"] * any(hinge.motor.fastest is not None for hinge in motors if hinge.motor)
+    features += ["limited rates"] * any(
+        isinstance(hinge.motor, Motor) and hinge.motor.fastest is not None for hinge in motors
+    )
     features += ["solids that touch nothing"] * any(body.immersed for body in bodies)
     return Tree(bodies, joints, bool(fixed)), features
 
@@ -80,6 +82,56 @@ def draw_joint(rng: np.random.Generator, parent: str, child: str, anchor: np.nda
     return Hinge(parent, child, place, axis, motor, int(rng.integers(commands)), stops)
 
 
+def with_dynamics(rng: np.random.Generator, tree: Tree) -> tuple[Tree, list[str]]:
+    """The tree, half of whose robots have servos, rotors, dampers and springs at some hinges, and words for these."""
+    if rng.random() < 0.5:
+        return tree, []
+    joints = [
+        replace(joint, passive=draw_passive(rng)) if isinstance(joint, Hinge) and rng.random() < 0.5 else joint
+        for joint in tree.joints
+    ]
+    joints = [
+        replace(joint, motor=draw_servo(rng))
+        if isinstance(joint, Hinge) and joint.motor and rng.random() < 0.5
+        else joint
+        for joint in joints
+    ]
+    hinges = [joint for joint in joints if isinstance(joint, Hinge)]
+    found = [hinge.passive for hinge in hinges]
+    given = {
+        "servos": any(isinstance(hinge.motor, Servo) for hinge in hinges),
+        "rotors": any(each.rotor_inertia for each in found),
+        "dampers": any(each.damping for each in found),
+        "springs": any(each.stiffness for each in found),
+    }
+    return Tree(tree.bodies, joints, tree.fixed), [word for word, has in given.items() if has]
+
+
+def draw_passive(rng: np.random.Generator) -> Passive:
+    """A rotor, damper and spring, each there in two of three hinges; from far less to far more than bodies have."""
+    rotor, damping, stiffness = (
+        float(10 ** rng.uniform(*ends)) if rng.random() < 0.67 else 0.0 for ends in ((-5, 0), (-3, 1), (-2, 4))
+    )
+    return Passive(rotor, damping, stiffness, float(rng.uniform(-0.6, 0.6)))
+
+
+def draw_servo(rng: np.random.Generator) -> Servo:
+    """A servo by angle, by rate, or by torque alone, of any strength, with a largest torque or without."""
+    kind, torque = rng.integers(3), float(10 ** rng.uniform(-1, 2)) if rng.random() < 0.6 else None
+    if kind == 0:
+        low, damping = float(rng.uniform(-1.5, 0)), float(10 ** rng.uniform(-2, 1)) if rng.random() < 0.8 else 0.0
+        return Servo.position(low, low + float(rng.uniform(0.2, 2)), float(10 ** rng.uniform(-1, 3)), damping, torque)
+    if kind == 1:
+        by_rate = float(10 ** rng.uniform(-2, 1))
+        return Servo(by_rate * float(rng.uniform(1, 8)), by_rate=by_rate, torque=torque)
+    return Servo(float(10 ** rng.uniform(-1, 1)), offset=float(rng.uniform(-0.2, 0.2)), torque=torque)
+
+
+def scaled(drive: Motor | Servo, **factors: float) -> dict[str, float]:
+    """Numbers of a drive times factors; a torque without a limit has none."""
+    return {name: getattr(drive, name) * factor for name, factor in factors.items() if getattr(drive, name) is not None}
+
+
 def varied(rng: np.random.Generator, tree: Tree) -> Tree:
     """Like the tree, with other masses, places and torques; as another robot of the batch."""
     by = lambda: float(rng.uniform(0.8, 1.25))  # noqa: E731
@@ -94,7 +146,7 @@ def varied(rng: np.random.Generator, tree: Tree) -> Tree:
 def _varied_joint(joint: Joint, factor: float, moved) -> Joint:
     if not isinstance(joint, Hinge):
         return joint
-    motor = joint.motor and replace(joint.motor, torque=joint.motor.torque * factor)
+    motor = joint.motor and replace(joint.motor, **scaled(joint.motor, torque=factor))
     return replace(joint, anchor=moved(joint.anchor), motor=motor)
 
 

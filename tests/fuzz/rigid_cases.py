@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from rigid_bodies import draw_tree, touchable, varied
+from rigid_bodies import draw_tree, touchable, varied, with_dynamics
 
 from taichi_sim.ground.relief import Relief, Water
 from taichi_sim.rigid import Network, RigidEngine, Senses, Tree, World
@@ -100,6 +100,8 @@ def make_case(number: int) -> RigidCase:
     rng = np.random.default_rng((SEED, number))
     around = str(rng.choice(SURROUNDINGS, p=OFTEN))
     tree, features = draw_tree(rng)
+    tree, dynamics = with_dynamics(np.random.default_rng((SEED, number, 1)), tree)
+    features = [*features, *dynamics]
     batch = int(rng.integers(1, 4))
     trees = (tree, *(varied(rng, tree) for _ in range(batch - 1)))
     world = draw_world(rng, around)

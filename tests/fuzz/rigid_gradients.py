@@ -1,15 +1,16 @@
 """Exact gradients of random articulated robots against central differences, and what happened where they disagree."""
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import astuple, fields, replace
 from typing import Any
 
 import numpy as np
 from physics_directions import Direction, judge
+from rigid_bodies import scaled
 from rigid_cases import RigidCase, make_case
 
 from taichi_sim.ground.relief import Relief
-from taichi_sim.rigid import Tree, slots
+from taichi_sim.rigid import Passive, Servo, Tree, slots
 from taichi_sim.rigid.feedback import roll
 from taichi_sim.rigid.gradient import RigidGradient
 from taichi_sim.rigid.model.tree import Hinge
@@ -116,7 +117,7 @@ def _along_start(case: RigidCase, gradient: RigidGradient, rng: np.random.Genera
     def slope(move: np.ndarray) -> float:
         ends = [replace(start, **{name: at + side * move}) for side in (1e-4, -1e-4)]
         (carried, places, _), (before, places_before, _) = (_of_tree(tree, end, by_momentum) for end in ends)
-        told = float((getattr(gradient, name) * move).sum()) if name in ("position", "orientation", "angles") else 0.0
+        told = float((getattr(gradient, name) * move).sum()) if name != "velocity" else 0.0
         by_carried = float((gradient.carried * (carried - before)).sum()) / 2e-4
         return told + by_carried + float((gradient.places * (places - places_before)).sum()) / 2e-4
 
@@ -147,12 +148,19 @@ def _along_design(case: RigidCase, gradient: RigidGradient, rng: np.random.Gener
         def joint_of(joint: Any) -> Any:
             if not isinstance(joint, Hinge):
                 return joint
-            _, _, way, factors = draws[number[joint.child]]
+            factor, _, way, factors = draws[number[joint.child]]
             torque, rate = (1.0 + 0.3 * step * factors).tolist()
-            motor = joint.motor and replace(
-                joint.motor, torque=joint.motor.torque * torque, by_command=joint.motor.by_command * rate
+            motor = joint.motor
+            if motor is not None:
+                factors = {"torque": torque, "by_command": rate, "by_angle": 1.0 + 0.3 * step * way[0]}
+                if isinstance(motor, Servo):
+                    factors["by_rate"] = 1.0 + 0.3 * step * way[1]
+                motor = replace(motor, **scaled(motor, **factors))
+            passive = Passive(
+                *(np.array(astuple(joint.passive)) * (1.0 + 0.3 * step * np.append(way, factor))).tolist()
             )
-            return replace(joint, anchor=place(joint.anchor, way), axis=place(joint.axis, way), motor=motor)
+            moved = {"anchor": place(joint.anchor, way), "axis": place(joint.axis, way)}
+            return replace(joint, **moved, motor=motor, passive=passive)
 
         bodies = [
             replace(

@@ -1,12 +1,14 @@
 """MuJoCo's own reading of an MJCF text beside the lab's: every number that both have."""
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 
+from taichi_sim.rigid import slots
 from taichi_sim.rigid.model.files import read_model
+from taichi_sim.rigid.tables import parameters_of
 
 mujoco.set_mju_user_warning(lambda _: None)  # which it would write into a file beside, and do no more
 ABOVE = 1e4  # m, to which the plane is raised, so that everything that may touch it does
@@ -120,7 +122,6 @@ class Pair:
 
     def same_notes(self):
         for values, name in (
-            (self.theirs.dof_armature, "armature of joints"),
             (self.theirs.dof_frictionloss, "frictionloss of joints"),
             (self.theirs.jnt_margin, "margin of joints"),
         ):
@@ -128,53 +129,55 @@ class Pair:
             assert (name in self.model.ignored) == bool(hinged.any()), name
 
     def same_drives(self):
+        """Fail unless all torques of hinges are those of MuJoCo's numbers: of drives, springs, dampers and rotors."""
         elements = list(self.root.iterfind("actuator/*"))
         assert len(elements) == self.theirs.nu == len(self.model.commands)
-        unused = {n for n, dof in enumerate(self.theirs.jnt_dofadr) if self.theirs.dof_damping[dof]}
-        hinges = {hinge.child: hinge for hinge in self.tree.hinges}
-        for command, element in enumerate(elements):
-            number = int(self.theirs.actuator_trnid[command, 0])
-            hinge = hinges[self.names[int(self.theirs.jnt_bodyid[number])]]
-            assert hinge.command == command
-            expected = self.expected_drive(command, element.tag, number, self.rests[hinge.child])
-            found = hinge.motor.torque, hinge.motor.by_command, hinge.motor.by_angle, hinge.motor.offset
-            for name, value, wanted in zip(
-                ("torque", "by_command", "by_angle", "offset"), found, expected, strict=True
-            ):
-                close(value, wanted, f"{name} of {hinge.child}")
-            if element.tag == "position":
-                unused.discard(number)
-        assert sum(hinge.motor is not None for hinge in hinges.values()) == len(elements)
-        assert ("damping of joints" in self.model.ignored) == bool(unused), "damping of joints"
+        assert sum(hinge.motor is not None for hinge in self.tree.hinges) == len(elements)
+        for hinge in self.tree.hinges:
+            number = self.joint_of[hinge.child]
+            dof, rest = self.theirs.jnt_dofadr[number], self.rests[hinge.child]
+            spring = self.theirs.qpos_spring[self.theirs.jnt_qposadr[number]] - rest
+            wanted = self.theirs.dof_armature[dof], self.theirs.dof_damping[dof], self.theirs.jnt_stiffness[number]
+            close(astuple(hinge.passive)[:3], wanted, f"passive forces of {hinge.child}")
+            close(hinge.passive.spring_rest, spring, f"spring of {hinge.child}", 1.0)
+            if hinge.motor is not None:
+                joint = self.theirs.actuator_trnid[hinge.command, 0]
+                assert joint == number, hinge.child
+                expected, torque = self.expected_servo(hinge.command, number, rest)
+                drag = parameters_of(self.tree)[self.tree.place_of(hinge.child), slots.BY_RATE]
+                found = hinge.motor.by_command, hinge.motor.by_angle, hinge.motor.offset, drag
+                for name, value, each in zip(
+                    ("by_command", "by_angle", "offset", "drag"), found, expected, strict=True
+                ):
+                    scale = max(1e-12, abs(each), abs(expected[1]))
+                    if name != "drag":
+                        close(value, each, f"{name} of {hinge.child}", scale)
+                    elif self.at_zero():  # where MuJoCo takes the inertia for ratios of damping
+                        close(value, each, f"{name} of {hinge.child}", scale, TURNED)
+                assert (hinge.motor.torque is None) == (torque is None), hinge.child
+                close(hinge.motor.torque or 0.0, torque or 0.0, f"torque of {hinge.child}")
 
-    def expected_drive(self, command, kind, joint, rest):
-        """Torque and rates of a drive, by the conversion in docs/robot-files.md, of MuJoCo's numbers."""
+    def at_zero(self):
+        """Whether all hinges rest at the angles of the file."""
+        usual = [self.theirs.qpos0[self.theirs.jnt_qposadr[self.joint_of[child]]] for child in self.rests]
+        return np.allclose(usual, list(self.rests.values()), atol=1e-9)
+
+    def expected_servo(self, command, joint, rest):
+        """Torque of a drive by command, angle, nothing and rate, and its limit, of MuJoCo's numbers."""
         gear = self.theirs.actuator_gear[command, 0]
         low, high = self.theirs.actuator_ctrlrange[command]
         if not self.theirs.actuator_ctrlrange[command].any():
             low, high = sorted(gear * self.theirs.jnt_range[joint])
-        gain, drag = self.theirs.actuator_gainprm[command, 0], -self.theirs.actuator_biasprm[command, 2]
-        if "dampratio of drives" in self.model.ignored and self.ratio(command):
-            drag = 0.0  # it is ignored, and named
-        most = np.inf
+        gain, bias = self.theirs.actuator_gainprm[command, 0], self.theirs.actuator_biasprm[command]
+        by_length, by_velocity = bias[1:3] * (self.theirs.actuator_biastype[command] == mujoco.mjtBias.mjBIAS_AFFINE)
+        limits = [np.inf]
         if self.theirs.actuator_forcelimited[command]:
-            most = abs(gear) * self.theirs.actuator_forcerange[command, 1]
+            limits.append(abs(gear) * self.theirs.actuator_forcerange[command, 1])
         if self.theirs.jnt_actfrclimited[joint]:
-            most = min(most, self.theirs.jnt_actfrcrange[joint, 1])
-        middle, half = (low + high) / 2 / gear, (high - low) / 2 / gear
-        if kind == "motor":
-            return min(most, abs(gear) * high), 10.0 * np.sign(gear), 0.0, 0.0
-        most = min(most, abs(gear) * gain * (high - low))
-        if kind == "velocity":
-            return most, half, 0.0, middle
-        damping = gear**2 * drag + self.theirs.dof_damping[self.theirs.jnt_dofadr[joint]]
-        rate = min(gear**2 * gain / damping if damping > 0 else 10.0, 1 / self.theirs.opt.timestep)
-        return most, rate * half, -rate, rate * (middle - rest)
-
-    def ratio(self, command):
-        """Whether a position actuator has a damping ratio: then its drag changes with the mass that it moves."""
-        spec = mujoco.MjSpec.from_string(self.text)
-        return spec.actuators[command].biasprm[2] > 0
+            limits.append(self.theirs.jnt_actfrcrange[joint, 1])
+        offset = gear * gain * (low + high) / 2 + gear**2 * by_length * rest
+        law = gear * gain * (high - low) / 2, gear**2 * by_length, offset, -(gear**2) * by_velocity
+        return law, min(limits) if min(limits) < np.inf else None
 
     def same_contacts(self):
         """Everything that may touch the plane, which is raised above it, and the largest friction that it finds."""

@@ -77,10 +77,10 @@ class Draw:
         text += self.maybe(0.3, f'ref="{self.angle(self.rng.uniform(*ends) if limited else 0.4)}"')
         for name_of, size in (("damping", 1), ("armature", 0.1), ("frictionloss", 0.1), ("margin", 0.01)):
             text += self.maybe(0.25, f'{name_of}="{self.rng.uniform(0, size):.6g}"')
-        if driven:
-            text += self.maybe(0.2, 'stiffness="2"')
-            if self.chance(0.2):
-                text += self.limited("actuatorfrcrange", "-1.5 1.5", "actuatorfrclimited")
+        text += self.maybe(0.2, f'stiffness="{self.rng.uniform(0, 5):.6g}"')
+        text += self.maybe(0.2, f'springref="{self.angle(self.rng.uniform(-1, 1))}"')
+        if driven and self.chance(0.2):
+            text += self.limited("actuatorfrcrange", "-1.5 1.5", "actuatorfrclimited")
         self.joints.append((name, driven, 'limited="false"' not in text and limited))
         return text + self.of_class() + "/>"
 

@@ -20,17 +20,19 @@ class Reading(TypedDict, total=False):
         angles: hinge angles of the tree's rest pose, by the names of joints [rad]; 0 for the others.
         fixed: whether a URDF robot's base is fixed to the world, as it is if its root is a link ``world`` without mass;
             MJCF says so itself.
-        speed: of position drives whose own does not follow from the file: what part of the way to its target a drive
-            wants to go in a second [1/s].
-        fastest: rate at full command of drives by torque, which the engine drives by rate, and of continuous joints
-            whose velocity is not given [rad/s].
+        speed: what part of the way to its target a position drive of URDF wants to go in a second [1/s], 10 if None.
+            With it, those of MJCF hold rates, too: that at which the file's spring and damping balance, or this one
+            where there is no damping. Else they are servos with the torque of the file.
+        fastest: rate at full command of continuous joints of URDF whose velocity is not given [rad/s], 10 if None. With
+            it, torque motors of MJCF hold rates up to it, and velocity drives that of their command. Else they have the
+            torque of the file.
         time_step: of the simulation [s]; None for that of the file, or 2 ms.
     """
 
     angles: Mapping[str, float] | None
     fixed: bool
-    speed: float
-    fastest: float
+    speed: float | None
+    fastest: float | None
     time_step: float | None
 
 
@@ -72,15 +74,14 @@ def read_model(
     *,
     angles: Mapping[str, float] | None = None,
     fixed: bool = False,
-    speed: float = 10.0,
-    fastest: float = 10.0,
+    speed: float | None = None,
+    fastest: float | None = None,
     time_step: float | None = None,
 ) -> Model:
     """Read a robot as :func:`parse_model` does, without its warning of what is ignored."""
-    positive("speed", speed)
-    positive("fastest", fastest)
-    if time_step is not None:
-        positive("time_step", time_step)
+    for name, value in (("speed", speed), ("fastest", fastest), ("time_step", time_step)):
+        if value is not None:
+            positive(name, value)
     root = parse_xml(text)
     if root.tag == "mujoco" and fixed:
         raise ValueError("fixed: True is not allowed of MJCF; leave the free joint out of the file")

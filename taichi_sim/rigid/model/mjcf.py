@@ -27,7 +27,7 @@ from taichi_sim.rigid.model.assembly import (
 from taichi_sim.rigid.model.mjcf_compiler import Compiler, merged
 from taichi_sim.rigid.model.mjcf_contact import Contacts
 from taichi_sim.rigid.model.mjcf_defaults import Defaults
-from taichi_sim.rigid.model.mjcf_drives import drive, symmetric
+from taichi_sim.rigid.model.mjcf_drives import Ideal, drive, symmetric
 from taichi_sim.rigid.model.mjcf_matter import check_solid, read_matter
 from taichi_sim.rigid.model.mjcf_schema import (
     IGNORED,
@@ -38,16 +38,18 @@ from taichi_sim.rigid.model.mjcf_schema import (
     unusual_flags,
 )
 from taichi_sim.rigid.model.settings import World
-from taichi_sim.rigid.model.tree import Hinge, Joint, Motor, Weld
+from taichi_sim.rigid.model.tree import Hinge, Joint, Motor, Passive, Servo, Weld
 from taichi_sim.rigid.model.xml_values import direction, keyword, named, not_negative, number, numbers, with_names
 from taichi_sim.rigid.tables import Senses
 
 _ALONG = ("stiffness", "damping", "armature", "frictionloss")  # of joints, none of which is below 0
 _OPTIONS = ("timestep", "gravity")
-DAMPED_AT_LIMITS = "damping of joints whose drives are at their limits of force"
+_FLAGS = ("gravity", "limit", "spring", "damper", "passive")  # that are read, beside "contact"
 
 
-def read_mjcf(root: Element, angles: dict[str, float], speed: float, fastest: float, time_step: float | None) -> Model:
+def read_mjcf(
+    root: Element, angles: dict[str, float], speed: float | None, fastest: float | None, time_step: float | None
+) -> Model:
     """Read the robot of an MJCF file.
 
     Raises:
@@ -89,8 +91,8 @@ class MjcfReader:
 
     root: Element
     angles: dict[str, float]
-    speed: float
-    fastest: float
+    speed: float | None
+    fastest: float | None
     parts: list[Part] = field(default_factory=list)
     hinges: dict[str, tuple[str, float]] = field(default_factory=dict)  # the body on each, and its angle in the file
     sites: dict[str, str] = field(default_factory=dict)
@@ -193,20 +195,29 @@ class MjcfReader:
         if parent is not None:
             raise ValueError(f"body {body}: a free joint is not allowed on it; give it to the base")
         if joint.tag == "joint":
-            self.ignored |= dict.fromkeys(f"{each} of joints" for each in self._lacking(joint))
+            self.ignored |= dict.fromkeys(f"{each} of free joints" for each in _ALONG if self._along(joint, each))
             self.ignored |= notes(joint)
 
-    def _lacking(self, joint: Element, driven: bool = False) -> list[str]:
-        """What the engine lacks of a joint's own forces."""
-        found = [each for each in _ALONG if not_negative(joint, each, number(joint, each, "0"))]
-        if "stiffness" in found and not driven:
-            raise ValueError(
-                f"{named(joint)}: stiffness {joint.get('stiffness')!r} is not allowed without an actuator; give 0, as "
-                "there are no springs"
-            )
+    def _passive(self, joint: Element, rest: float, driven: bool) -> Passive:
+        """Rotor, damper and spring of a hinge that rests at an angle [rad]."""
+        stiffness, damping, armature = (self._along(joint, each) for each in ("stiffness", "damping", "armature"))
+        if self._along(joint, "frictionloss"):
+            self.ignored["frictionloss of joints"] = None
         if numbers(joint, "springdamper", "0 0", 2).any() and not driven:
-            raise ValueError(f"{named(joint)}: springdamper is not allowed without an actuator; there are no springs")
-        return found
+            raise ValueError(
+                f"{named(joint)}: springdamper is not allowed without an actuator; give stiffness and damping"
+            )
+        if self._is_off("spring"):
+            stiffness = 0.0
+        if self._is_off("damper"):
+            damping = 0.0
+        return Passive(armature, damping, stiffness, self.compiler.angle(number(joint, "springref", "0")) - rest)
+
+    def _is_off(self, what: str) -> bool:
+        return bool(self.flags.get(what) or self.flags.get("passive"))
+
+    def _along(self, joint: Element, name: str) -> float:
+        return not_negative(joint, name, number(joint, name, "0"))
 
     def _read_hinge(self, joint: Element, place: Frame, parent: str, child: str) -> tuple[Frame, Hinge]:
         """Read a joint: the place of the body when its hinge is at rest, and the hinge."""
@@ -224,9 +235,10 @@ class MjcfReader:
             self.ignored |= {OUTSIDE: None} if moved_in else {}
         turn = Rotation.from_rotvec(axis * (rest - reference)).as_matrix()
         moved = Frame(anchor + turn @ (place.position - anchor), turn @ place.rotation)
-        motor, command = self._motor(joint, name, span, rest)
+        passive = self._passive(joint, rest, name in self.drives)
+        motor, command = self._motor(joint, name, span, rest, passive)
         stops = None if span is None or self.flags.get("limit") else (span[0] - rest, span[1] - rest)
-        return moved, Hinge(parent, child, anchor, axis, motor, command, stops, rest)
+        return moved, Hinge(parent, child, anchor, axis, motor, command, stops, rest, passive)
 
     def _span(self, joint: Element) -> tuple[float, float] | None:
         """Lowest and highest angle of a joint [rad]; None if it has no stops."""
@@ -234,23 +246,20 @@ class MjcfReader:
         return None if span is None else (self.compiler.angle(span[0]), self.compiler.angle(span[1]))
 
     def _motor(
-        self, joint: Element, name: str, span: tuple[float, float] | None, rest: float
-    ) -> tuple[Motor | None, int]:
+        self, joint: Element, name: str, span: tuple[float, float] | None, rest: float, passive: Passive
+    ) -> tuple[Motor | Servo | None, int]:
         """Convert a hinge's actuator to a drive and its number; None and 0 without. Notes what is ignored of both."""
-        driven = name in self.drives
-        lacking = self._lacking(joint, driven)
         clamped = self.compiler.limits(joint, "actuatorfrcrange", "actuatorfrclimited") is not None
-        motor, command, also = None, 0, list[str]()
-        if driven:
+        motor: Motor | Servo | None = None
+        command, also = 0, list[str]()
+        if name in self.drives:
             command, actuator = self.drives[name]
-            damping, quickest = number(joint, "damping", "0"), 1 / self.time_step
-            motor, also = drive(actuator, span, rest, damping, self.speed, self.fastest, quickest, self.compiler)
-            if actuator.tag == "position" and "damping" in lacking:  # it counts in the rate that the drive wants
-                lacking.remove("damping")
-                also.append(DAMPED_AT_LIMITS)  # each drive has a limit, that of its spring if the file sets none
+            ideal = Ideal(self.speed, self.fastest, 1 / self.time_step)
+            motor, also = drive(actuator, span, rest, passive, ideal, self.compiler)
             if clamped:
-                motor = replace(motor, torque=min(motor.torque, symmetric(joint, "actuatorfrcrange")))
-        self.ignored |= dict.fromkeys([*(f"{each} of joints" for each in lacking), *also])
+                largest = symmetric(joint, "actuatorfrcrange")
+                motor = replace(motor, torque=largest if motor.torque is None else min(motor.torque, largest))
+        self.ignored |= dict.fromkeys(also)
         self.ignored |= notes(joint)
         return motor, command
 
@@ -295,7 +304,7 @@ class MjcfReader:
         """Entries of the file that the engine does not support, one for each kind."""
         found = [f"<{tag}>" for tag in sorted({child.tag for child in self.root} & set(IGNORED))]
         found += [f"option {name}" for name in self.option.attrib if name not in _OPTIONS]
-        found += [f"flag {name}" for name in self.flags if name not in ("gravity", "limit")]
+        found += [f"flag {name}" for name in self.flags if name not in _FLAGS]
         found += sorted({f"<{each.tag}> sensors" for each in self.root.iterfind("sensor/*") if each.tag != "touch"})
         if self.root.find("contact/pair") is not None:
             found.append("<contact> pairs")

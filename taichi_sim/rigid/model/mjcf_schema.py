@@ -153,7 +153,7 @@ _SOFT = "how soft contacts and stops are"
 _NOTES = {  # attributes that are ignored, and named unless they are 0
     "body": {"gravcomp": "gravcomp of bodies"},
     "joint": {
-        **{name: f"{name} of joints" for name in ("armature", "frictionloss", "margin", "springdamper")},
+        **{name: f"{name} of joints" for name in ("margin", "springdamper")},
         "actuatorgravcomp": "gravcomp of bodies",
         **dict.fromkeys(_SOFT_STOPS, _SOFT),
     },

@@ -136,7 +136,7 @@ def _drive_of(joint: Hinge | Weld | None) -> object:
     if not isinstance(joint, Hinge):
         return None
     axis = tuple(float(part) for part in joint.axis)
-    return joint.parent, joint.child, axis, joint.motor, joint.command, joint.stops, joint.rest
+    return joint.parent, joint.child, axis, joint.motor, joint.command, joint.stops, joint.rest, joint.passive
 
 
 def _numbers(tree: Tree, origin: Floats) -> tuple[list[Floats], list[Floats]]:

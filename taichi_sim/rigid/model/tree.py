@@ -5,7 +5,8 @@ Everything is given as it lies at rest, in the frame of the world: all bodies' a
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Annotated
 
 import numpy as np
 
@@ -105,6 +106,77 @@ class Motor:
 
 
 @dataclass(frozen=True)
+class Servo:
+    """A drive whose torque is by_command m + by_angle angle + offset - by_rate rate, as far as its largest torque goes.
+
+    That of a position servo is proportional to the angle that lacks, less a damping; a torque motor has ``by_command``
+    only.
+
+    Attributes:
+        by_command: torque for each unit of the command m [N m].
+        by_angle: torque for each radian of the angle, at most 0 [N m/rad].
+        offset: constant part of the torque [N m].
+        by_rate: torque against each unit of the hinge's rate [N m s/rad].
+        torque: largest torque in either direction [N m]; None has no limit.
+        damping_ratio: further torque against the rate, as a share of the critical one of what hangs on the hinge at
+            rest, with its rotor; 1 comes to its angle without passing it.
+
+    Raises:
+        ValueError: for a value that is not allowed.
+    """
+
+    by_command: Finite
+    by_angle: Annotated[float, partial(number, high=0.0)] = 0.0
+    offset: Finite = 0.0
+    by_rate: NotNegative = 0.0
+    torque: NotNegative | None = None
+    damping_ratio: NotNegative = 0.0
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @classmethod
+    def position(
+        cls, lowest: float, highest: float, stiffness: float, damping: float = 0.0, torque: float | None = None
+    ) -> "Servo":
+        """Make a position servo: commands from -1 to 1 mean angles from ``lowest`` to ``highest`` [rad].
+
+        Its torque is ``stiffness`` [N m/rad] times the angle that lacks, less ``damping`` [N m s/rad] times the rate,
+        at most ``torque`` [N m].
+
+        Raises:
+            ValueError: for angles that are no numbers, or a stiffness that is not positive.
+        """
+        lowest, highest = number("lowest", lowest), number("highest", highest)
+        stiffness = positive("stiffness", stiffness)
+        return cls(stiffness * (highest - lowest) / 2, -stiffness, stiffness * (highest + lowest) / 2, damping, torque)
+
+
+@dataclass(frozen=True)
+class Passive:
+    """What acts on a hinge besides its motor: the inertia of a rotor, a damper and a spring.
+
+    Attributes:
+        rotor_inertia: of what turns with the hinge inside its drive, times the gear ratio squared [kg m^2]; MuJoCo's
+            armature. It resists changes of the hinge's rate only.
+        damping: torque against the rate of the hinge [N m s/rad].
+        stiffness: torque of a spring for each radian [N m/rad].
+        spring_rest: angle at which the spring is at rest [rad].
+
+    Raises:
+        ValueError: for a value that is not allowed.
+    """
+
+    rotor_inertia: NotNegative = 0.0
+    damping: NotNegative = 0.0
+    stiffness: NotNegative = 0.0
+    spring_rest: Finite = 0.0
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
 class Hinge:
     """A joint that turns its child body about an axis: rate = axis . (its angular velocity - the parent's).
 
@@ -113,10 +185,11 @@ class Hinge:
         child: name of the body it carries.
         anchor: a point on the axis at rest [m].
         axis: direction of the axis at rest, of any length but 0.
-        motor: its drive; None turns freely.
+        motor: its drive, which holds a rate or has a law of torque; None turns freely.
         command: number of the command that the drive receives.
         stops: smallest and largest angle [rad]; None has no limits.
         rest: the angle at rest as its file counts it [rad]; here it is 0 there, as are stops and commands.
+        passive: the rotor of its drive, a damper and a spring.
 
     Raises:
         ValueError: for a value that is not allowed.
@@ -126,10 +199,11 @@ class Hinge:
     child: str
     anchor: Vector
     axis: Vector
-    motor: Motor | None = None
+    motor: Motor | Servo | None = None
     command: int = 0
     stops: tuple[float, float] | None = None
     rest: float = 0.0
+    passive: Passive = Passive()
 
     def __post_init__(self) -> None:
         vector(f"anchor of {self.child}", self.anchor)
@@ -253,6 +327,17 @@ class Tree:
         if name not in names:
             raise ValueError(f"bodies: there is no body {name!r}; there are {', '.join(names)}")
         return names.index(name)
+
+    def inertia_about(self, hinge: Hinge) -> float:
+        """Inertia at rest about a hinge of all that hangs on it, with its rotor [kg m^2]."""
+        axis, carried = np.array(hinge.axis, float) / np.linalg.norm(hinge.axis), {hinge.child}
+        found = hinge.passive.rotor_inertia
+        for body, joint in self.ordered:
+            if body.name == hinge.child or (joint is not None and joint.parent in carried):
+                carried.add(body.name)
+                arm = np.cross(axis, np.subtract(body.position, hinge.anchor))
+                found += float(axis @ np.asarray(body.inertia) @ axis + body.mass * arm @ arm)
+        return found
 
     def points(self) -> list[tuple[int, Floats, float]]:
         """Balls that stand for the bodies in contact: place of the body, centre from its centre of mass, radius [m]."""

@@ -28,7 +28,7 @@ from taichi_sim.rigid.model.assembly import (
     tree_of,
 )
 from taichi_sim.rigid.model.shapes import Solid
-from taichi_sim.rigid.model.tree import Hinge, Joint, Motor, Weld
+from taichi_sim.rigid.model.tree import Hinge, Joint, Motor, Passive, Weld
 from taichi_sim.rigid.model.urdf_schema import SIZES, strangers
 from taichi_sim.rigid.model.xml_values import (
     direction,
@@ -45,11 +45,17 @@ from taichi_sim.rigid.tables import Senses
 _ENTRIES = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
 _NO_TURN = 1e-12  # length of a quaternion that turns nowhere
 _HINGED = ("revolute", "continuous")
+_SPEED, _FASTEST = 10.0, 10.0  # 1/s and rad/s, of drives whose own is not given
 _COMPILER = "mujoco/compiler"  # MuJoCo's extension of URDF
 
 
 def read_urdf(
-    root: Element, angles: dict[str, float], fixed: bool, speed: float, fastest: float, time_step: float | None
+    root: Element,
+    angles: dict[str, float],
+    fixed: bool,
+    speed: float | None,
+    fastest: float | None,
+    time_step: float | None,
 ) -> Model:
     """Read the robot of a URDF file.
 
@@ -69,7 +75,8 @@ def read_urdf(
     if unknown:
         raise ValueError(f"angles: there is no hinge {sorted(unknown)[0]!r}")
     world = USUAL if time_step is None else replace(USUAL, time_step=float(time_step))
-    speed = min(speed, 1 / world.time_step)  # a drive makes up for at most all of what lacks in a step
+    speed = min(speed or _SPEED, 1 / world.time_step)  # a drive makes up for at most all of what lacks in a step
+    fastest = fastest or _FASTEST
     fixed = fixed or (base == "world" and single(links["world"], "inertial") is None)  # so ROS fixes robots
     places = {base: Frame(np.zeros(3), np.eye(3))}
     balanced = any(keyword(each, "balanceinertia", "false", "true") == "true" for each in root.iterfind(_COMPILER))
@@ -175,7 +182,10 @@ def _hang(
         raise ValueError(f"{named(joint)}: mimic is not allowed; give a joint of its own")
     stops = None if span is None else (span[0] - start, span[1] - start)
     motor = _motor(joint, stops, speed, fastest)
-    return turned, Hinge(parent, child, place.position, place.rotation @ along, motor, command, stops, start)
+    dynamics = single(joint, "dynamics")
+    damping = 0.0 if dynamics is None else not_negative(joint, "damping", number(dynamics, "damping", "0"))
+    passive = Passive(damping=damping)
+    return turned, Hinge(parent, child, place.position, place.rotation @ along, motor, command, stops, start, passive)
 
 
 def _check_range(joint: Element, span: tuple[float, float], start: float) -> None:
@@ -257,12 +267,7 @@ def _ignored(root: Element, angles: dict[str, float]) -> tuple[str, ...]:
     revolute = [joint for joint in root.findall("joint") if joint.get("type") == "revolute"]
     if any(rest_within(_range(joint), 0.0)[1] for joint in revolute if joint.get("name", "") not in angles):
         found.append(OUTSIDE)
-    own = [
-        not_negative(joint, name, number(each, name, "0"))
-        for joint in root.findall("joint")
-        for each in joint.findall("dynamics")
-        for name in ("friction", "damping")
-    ]
-    if any(own):
-        found.append("friction and damping of joints")
+    dynamics = [(joint, each) for joint in root.findall("joint") for each in joint.findall("dynamics")]
+    if any([not_negative(joint, "friction", number(each, "friction", "0")) for joint, each in dynamics]):
+        found.append("friction of joints")
     return *found, *strangers(root)

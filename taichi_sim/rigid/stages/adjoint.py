@@ -49,7 +49,8 @@ from taichi_sim.rigid.stages.spatial import Reals
 from taichi_sim.rigid.stages.water import undo_immerse
 from taichi_sim.runtime import ti
 
-CARRIED, OWN = 3, 4  # pieces of ``body_slots`` and ``moving_slots`` whose cotangents become those before the step
+# Pieces of ``body_slots``, ``moving_slots`` and ``hinge_slots`` whose cotangents become those before the step.
+CARRIED, OWN, LAST_RATE = 3, 4, 1
 
 
 @primitive
@@ -117,7 +118,8 @@ def undo_move(robots: ti.template(), motion: ti.template(), cotangents: ti.templ
         to_body = ti.static(pull_back(laws.carried_on, gather(robots, pieces), constants, after))
         scatter(cotangents, pieces, to_body, (OWN,))
         if is_hinged(robots, b):
-            add_one(cotangents, body + slots.RATE, h * read(cotangents, body + slots.ANGLE))
+            of_rate = h * read(cotangents, body + slots.ANGLE) + read(cotangents, body + slots.LAST_RATE)
+            add_one(cotangents, body + slots.RATE, of_rate)
 
 
 @ti.func
@@ -219,19 +221,21 @@ def undo_command(robots: ti.template(), motion: ti.template(), cotangents: ti.te
             body, motor = body_at(robots, b), column(robots, b, slots.MOTOR)
             mode, rate = read(robots, body + slots.MODES + rows), read(motion, body + slots.RATE)
             none = 0.0 * mode
-            driven = (mode > -0.5) & (mode < 0.5)
+            driven, by_law = (mode > -0.5) & (mode < 0.5), read(robots, body + slots.SERVO) >= 0.0
             of_rate = 0.0 - row_impulse(motion, body)
-            of_target = select(driven, of_rate, none)
+            of_target = select(driven, select(by_law, rate, of_rate), none)
             of_least, of_most = select(mode > 1.5, of_rate, none), select(mode < -1.5, of_rate, none)
             by_low = select((mode < -0.5) & (mode > -1.5), rate, none)
             by_high = select((mode > 0.5) & (mode < 1.5), rate, none)
-            seeds = ti.static((of_target, rate, by_low, by_high, of_least, of_most))
+            resisted = 0.0 - rate * read(robots, body + slots.RATE)
+            of_servo = select(driven & by_law, resisted, none)
+            seeds = ti.static((of_target, rate, by_low, by_high, of_least, of_most, resisted, of_servo))
             pieces = ti.static(hinge_slots(robots, b))
             inputs = ti.static(gather(robots, pieces) + (commanded(robots, b),))
             to = ti.static(pull_back(laws.hinge_row, inputs, (h, push_out, robots.drifting), seeds))
-            scatter(cotangents, pieces, to[:8])
+            scatter(cotangents, pieces, to[:14], (LAST_RATE,))
             if motor >= 0:
-                add_one(cotangents, robots.plan[slots.NEURON] + motor, to[8])
+                add_one(cotangents, robots.plan[slots.NEURON] + motor, to[14])
 
 
 @ti.func

@@ -4,6 +4,7 @@ An articulated body's inertia I and momentum p say which impulse f = I v - p it 
 spatial vector S adds S u to its parent's velocity. Either its rate u is given (a motor that holds its rate, a stop), or
 the impulse along it is; in both cases u = u0 - (U.v) / D with U = I S and 1 / D = 0 where the rate is given, and the
 parent sees I - U U^T / D and p - U u0. (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 7, for velocities.)
+A rotor, a damper and a spring add to D = S.U what they resist each unit of the rate with.
 """
 
 from taichi_sim.autodiff.lanes import larger, smaller
@@ -77,10 +78,13 @@ def collect(robots: ti.template(), phase):
             screw = ti.static(row(robots, body + slots.SCREW, 6))
             column = ti.static(spatial.times(inertia, screw))
             mode = read(robots, body + slots.MODES + phase)
-            held = (mode > 1.5) | (mode < -1.5)
-            driven = held | ((mode > -0.5) & (mode < 0.5))
+            held, asked = (mode > 1.5) | (mode < -1.5), (mode > -0.5) & (mode < 0.5)
+            servo = read(robots, body + slots.SERVO)
+            driven = held | (asked & (servo < 0.0))
             bound = select(mode > 0.0, read(robots, body + slots.HIGH), read(robots, body + slots.LOW))
-            inverse = 1.0 / spatial.dot(screw, column)
+            bound = select(asked, read(robots, body + slots.TARGET), bound)
+            resistance = read(robots, body + slots.RESISTANCE) + select(asked & (servo >= 0.0), servo, 0.0 * servo)
+            inverse = 1.0 / (spatial.dot(screw, column) + resistance)
             free = (read(robots, body + slots.PUSH) + bound + spatial.dot(screw, impulse)) * inverse
             stop = select(mode > 0.0, read(robots, body + slots.LEAST_RATE), read(robots, body + slots.MOST_RATE))
             given = select(held, stop, read(robots, body + slots.TARGET))
@@ -140,10 +144,11 @@ def repeat_rows(robots: ti.template(), touching):
 
 @ti.func
 def row_impulse(robots: ti.template(), body):
-    """The impulse of a hinge's row, beside its push: what its body needs less what it has."""
+    """The impulse of a hinge's row, beside its push and what resists its rate: what its body needs less what it has."""
     needed = spatial.dot(row(robots, body + slots.COLUMN, 6), row(robots, body + slots.VELOCITY, 6))
     given = spatial.dot(row(robots, body + slots.SCREW, 6), row(robots, body + slots.IMPULSE, 6))
-    return needed - given - read(robots, body + slots.CONTACT) - read(robots, body + slots.PUSH)
+    resisted = read(robots, body + slots.RESISTANCE) * read(robots, body + slots.RATE)
+    return needed - given - read(robots, body + slots.CONTACT) - read(robots, body + slots.PUSH) + resisted
 
 
 @ti.func
@@ -161,7 +166,10 @@ def row_tolerances(robots: ti.template(), body):
     if ti.static(not robots.drifting):
         needed = spatial.sum_of_sizes(row(robots, body + slots.COLUMN, 6), row(robots, body + slots.VELOCITY, 6))
         given = spatial.sum_of_sizes(row(robots, body + slots.SCREW, 6), row(robots, body + slots.IMPULSE, 6))
-        size = needed + given + larger(contact, 0.0 - contact)
+        push = read(robots, body + slots.PUSH)
+        resisted = read(robots, body + slots.RESISTANCE) * read(robots, body + slots.RATE)
+        beside = larger(push, 0.0 - push) + larger(resisted, 0.0 - resisted)
+        size = needed + given + larger(contact, 0.0 - contact) + beside
         strength = read(robots, body + slots.HIGH) - read(robots, body + slots.LOW)
         of_impulse = tolerance * (smaller(1.0 + 0.0 * size, ROUNDINGS * strength) + ROUNDINGS * size)
         most = LARGEST_SLIP * (read(robots, body + slots.MOST_RATE) - read(robots, body + slots.LEAST_RATE))
@@ -182,23 +190,32 @@ def switch_rows(robots: ti.template(), phase, single, last, active):
         if is_hinged(robots, b):
             body = body_at(robots, b)
             impulse = row_impulse(robots, body)
+            servo = read(robots, body + slots.SERVO)
+            by_law, firm = servo >= 0.0, servo < 0.0
             loose, slack = row_tolerances(robots, body)
             low, high = read(robots, body + slots.LOW), read(robots, body + slots.HIGH)
-            ahead = read(robots, body + slots.RATE) - read(robots, body + slots.TARGET)
+            rate, target = read(robots, body + slots.RATE), read(robots, body + slots.TARGET)
+            ahead = rate - target
+            asked = target - servo * rate  # of a servo
             mode = read(robots, body + slots.MODES + phase)
             driven, held = (mode > -0.5) & (mode < 0.5), (mode > 1.5) | (mode < -1.5)
             beyond = select(impulse > high + loose, 1.0, select(impulse < low - loose, -1.0, 0.0 * impulse))
-            passed = ((mode > 0.5) & (ahead > slack)) | ((mode < -0.5) & (ahead < 0.0 - slack))
-            kept = select(passed & (low < high), slots.MODE_DRIVEN, mode)
-            after = select(driven, beyond, kept)
-            rate, passive = read(robots, body + slots.RATE), low >= high
+            weaker = (firm & (ahead > slack)) | (by_law & (asked < high - loose))
+            stronger = (firm & (ahead < 0.0 - slack)) | (by_law & (asked > low + loose))
+            passed = ((mode > 0.5) & weaker) | ((mode < -0.5) & stronger)
+            after = select(driven, beyond, select(passed & (low < high), slots.MODE_DRIVEN, mode))
+            passive = low >= high
             below = rate < read(robots, body + slots.LEAST_RATE) - slack
             above = rate > read(robots, body + slots.MOST_RATE) + slack
             at_stop = select(below, 2.0, select(above, -2.0, mode))
             stopped = (((mode > 0.5) | passive) & below) | (((mode < -0.5) | passive) & above)
-            after = select(driven, after, select(stopped, at_stop, after))
-            lifted = ((mode > 1.5) & (impulse < high - loose)) | ((mode < -1.5) & (impulse > low + loose))
-            after = select(held, select(lifted, 0.5 * mode, mode), after)
+            stopped = (by_law & (below | above)) | (stopped & ((mode > 0.5) | (mode < -0.5)))
+            after = select(stopped, at_stop, after)
+            # What the drive itself gives at a stop, without which the stop would have to pull.
+            most, least = select(by_law, smaller(asked, high), high), select(by_law, larger(asked, low), low)
+            lifted = ((mode > 1.5) & (impulse < most - loose)) | ((mode < -1.5) & (impulse > least + loose))
+            let_go = select(by_law, slots.MODE_DRIVEN, 0.5 * mode)
+            after = select(held, select(lifted, let_go, mode), after)
             if last > 0:
                 after = select(held, mode, at_stop)
             after = select(active > 0.5, after, mode)

@@ -69,7 +69,7 @@ def commanded(robots: ti.template(), b):
 
 @ti.func
 def command_hinges(robots: ti.template()):
-    """Each hinge's row: the rate it should have, and the impulses it may use for it."""
+    """Each hinge's row: the rate it should have, the impulses it may use for it, and what acts on it besides."""
     h, push_out = setting(robots, slots.TIME_STEP), setting(robots, slots.PUSH_OUT)
     for b in range(1, robots.plan[slots.BODIES]):
         if is_hinged(robots, b):

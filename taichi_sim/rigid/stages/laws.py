@@ -199,36 +199,51 @@ def moved_base(*values: Any) -> tuple[Any, ...]:
 
 @primitive
 def hinge_row(*values: Any) -> tuple[Any, ...]:
-    """A hinge's row: the rate it should have, what pushes beside it, bounds of its impulse and of its rate.
+    """A hinge's row: what its drive wants, what pushes beside it, bounds of impulse and rate, what resists the rate.
 
-    The motor holds its rate as far as its torque goes. Stops keep the rate within what leads no farther than to them,
-    with whatever impulse that takes; from beyond a stop they lead back. In the studies' solver stops act only once they
-    are passed: the row is then the stop's, and the motor pushes with all its torque the way it wants to go, whatever
-    rate that gives (ODE's rule for a powered joint at its stop).
+    A motor holds its rate as far as its torque goes; a servo has the torque that its law gives, as far as that goes.
+    Stops keep the rate within what leads no farther than to them, with whatever impulse that takes; from beyond a stop
+    they lead back. In the studies' solver stops act only once they are passed: the row is then the stop's, and the
+    drive pushes with all its torque the way it wants to go, whatever rate that gives (ODE's rule for a powered joint at
+    its stop).
 
-    Values: angle; torque, by_command, by_angle and offset of the motor; stops; its fastest rate; command; then time
-    step, correction, drifting.
+    A rotor resists a change of the rate, a damper and a spring resist the rate and pull. A quarter of what a spring
+    gains in a step counts as inertia: it then swings as by the trapezoidal rule, without loss and stable however stiff
+    it is (Newmark, 1959, beta = 1/4). So do servos.
+
+    Values: angle, rate before; torque, by_command, by_angle and offset of the drive; stops; its fastest rate; inertia
+    of the rotor, damping, stiffness and angle at rest of the spring; the drive's by_rate; command; then time step,
+    correction, drifting.
     """
-    angle, torque, by_command, by_angle, offset, lower, upper, fastest, command = values[:9]
-    time_step, correction, drifting = values[9:]
-    wanted = by_command * command + by_angle * angle + offset
-    wanted = select(wanted > fastest, fastest, select(wanted < 0.0 - fastest, 0.0 - fastest, wanted))
+    angle, rate, torque, by_command, by_angle, offset, lower, upper, fastest = values[:9]
+    rotor, damping, stiffness, spring_rest, by_rate, command, time_step, correction, drifting = values[9:]
+    inertia = rotor + 0.25 * time_step * time_step * stiffness
+    resistance = inertia + time_step * damping
+    passive = inertia * rate - time_step * stiffness * (angle - spring_rest)
+    asked = by_command * command + by_angle * angle + offset
+    wanted = select(asked > fastest, fastest, select(asked < 0.0 - fastest, 0.0 - fastest, asked))
     strength = time_step * torque
     none = 0.0 * strength
+    firm = by_rate < none
+    gained = 0.25 * time_step * time_step * (none - by_angle)
+    pull = time_step * asked + gained * rate
+    servo = select(firm, none - 1.0, gained + time_step * by_rate)
     at_lower, at_upper = angle <= lower, angle >= upper
     if not drifting:
         at_once, back = 1.0 / time_step, smaller(none + correction, none + RETURN)
         least = select(at_lower, back, at_once) * (lower - angle)
         most = select(at_upper, back, at_once) * (upper - angle)
-        target = select(wanted < least, least, select(wanted > most, most, wanted))
-        return target, none, 0.0 - strength, strength, least, most
+        target = select(firm, select(wanted < least, least, select(wanted > most, most, wanted)), pull)
+        return target, none + passive, 0.0 - strength, strength, least, most, resistance, servo
     stopped = at_lower | at_upper
     upwards = (wanted > 0.0) | ((wanted >= 0.0) & at_upper)
-    target = select(stopped, correction * (select(at_lower, lower, upper) - angle), wanted)
-    push = select(stopped, select(upwards, strength, 0.0 - strength), none)
+    target = select(stopped, correction * (select(at_lower, lower, upper) - angle), select(firm, wanted, pull))
+    given = select(pull > strength, strength, select(pull < 0.0 - strength, 0.0 - strength, pull))
+    push = select(stopped, select(firm, select(upwards, strength, 0.0 - strength), given), none)
     low = select(stopped, select(at_lower, none, none - slots.NO_STOP), 0.0 - strength)
     high = select(stopped, select(at_lower, none + slots.NO_STOP, none), strength)
-    return target, push, low, high, none - slots.NO_STOP, none + slots.NO_STOP
+    servo = select(stopped, none - 1.0, servo)
+    return target, push + passive, low, high, none - slots.NO_STOP, none + slots.NO_STOP, resistance, servo
 
 
 @primitive

@@ -106,8 +106,9 @@ def move_bodies(robots: ti.template()):
             linear = ti.static(spatial.plus(y[3:], spatial.cross(y[:3], row(robots, body + slots.PLACE, 3))))
             put(robots, body + slots.MOVING, spatial.joined(*y[:3], linear))
         if is_hinged(robots, b):
-            turn = h * read(robots, body + slots.RATE)
-            write(robots, body + slots.ANGLE, read(robots, body + slots.ANGLE) + turn)
+            rate = read(robots, body + slots.RATE)
+            write(robots, body + slots.ANGLE, read(robots, body + slots.ANGLE) + h * rate)
+            write(robots, body + slots.LAST_RATE, rate)
     if ti.static(not robots.drifting):
         shift_moments(robots, -1.0)
     put(robots, slots.POSITION, laws.moved_base(*row(robots, slots.POSITION, 7), *velocity, h))

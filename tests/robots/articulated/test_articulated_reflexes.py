@@ -76,7 +76,7 @@ def test_derivatives_are_central_differences(given, terrain):
             ends = [simulate(robot, points + sign * shift * along, **world, **HERE).distance for sign in (1, -1)]
             expected = (ends[0] - ends[1]) / (2 * shift)
             errors.append(np.abs(found.gradient @ along - expected) / (np.abs(expected) + 1e-3))
-        assert np.min(errors, axis=0).max() < 1e-6, errors
+        assert np.min(errors, axis=0).max() < 4e-6, errors
 
 
 @pytest.mark.kernels

@@ -143,7 +143,7 @@ def test_who_leans_too_far_has_fallen():
 @pytest.mark.kernels
 def test_who_has_fallen_in_a_batch_rests():
     """Nothing more is told of it until the episodes of all are over, and it has no measures."""
-    many = ArticulatedVector(2, crawler(own_measures=(HIGH,)), most_lean=1.0, **PRECISE)
+    many = ArticulatedVector(2, crawler(own_measures=(HIGH,), speed=10.0), most_lean=1.0, **PRECISE)
     many.reset(seed=0)
     told = [many.step(np.array([[1.0, -1.0], [0.0, 0.0]])) for _ in range(13)]
     leans = np.array([infos["lean"] for *_, infos in told])

@@ -14,7 +14,6 @@ from random_urdf import random_urdf
 from small_mjcf import ball, classed, default, leg
 
 from taichi_sim.rigid.model.files import read_model
-from taichi_sim.rigid.model.mjcf import DAMPED_AT_LIMITS
 
 HERE = Path(__file__)
 ROOT = HERE.parents[3]
@@ -267,7 +266,6 @@ def test_what_has_no_name_is_called_as_nothing_else_is():
         (ball('size=".5" condim="4"'), "friction of turning and rolling (condim)"),
         (ball(attributes='gravcomp="1"'), "gravcomp of bodies"),
         (leg('springdamper="1 1"', '<motor joint="hip" ctrlrange="-1 1"/>'), "springdamper of joints"),
-        (leg(actuator='<position joint="hip" ctrlrange="-1 1" dampratio="1"/>'), "dampratio of drives"),
         (leg(actuator='<position joint="hip" ctrlrange="-1 1" timeconst="1"/>'), "timeconst of drives"),
         (ball(head='<option><flag clampctrl="disable"/></option>'), "flag clampctrl"),
         (
@@ -280,11 +278,10 @@ def test_what_passed_in_silence_is_named(text, note):
     assert note in read_model(text).ignored and refusal(text) is None
 
 
-@pytest.mark.parametrize("limit", ["", 'forcerange="-1 1"'], ids=["of its spring", "of the file"])
-@pytest.mark.parametrize("damping, told", [("0", False), ("300", True)])
-def test_damping_that_a_drive_at_its_limit_lacks_is_named(limit, damping, told):
-    """Each drive has a limit of force: without one in the file it is that of its spring, here of 10 N m."""
-    text = leg(f'damping="{damping}"', f'<position joint="hip" kp="50" ctrlrange="-.1 .1" {limit}/>')
-    model = read_model(text)
-    assert (DAMPED_AT_LIMITS in model.ignored) is told
-    assert model.tree.hinges[0].motor.torque == (1.0 if limit else 10.0)
+@pytest.mark.parametrize("limit, torque", [("", None), ('forcerange="-1 1"', 1.0)])
+def test_the_force_of_a_drive_has_a_limit_if_the_file_says_so(limit, torque):
+    text = leg('damping="300"', f'<position joint="hip" kp="50" ctrlrange="-.1 .1" {limit}/>')
+    (hinge,) = read_model(text).tree.hinges
+    assert hinge.motor.torque == torque and hinge.passive.damping == 300
+    (ideal,) = read_model(text, speed=10.0).tree.hinges  # which holds a rate, with that of its spring over its range
+    assert ideal.motor.torque == (torque or 10.0) and ideal.motor.by_angle == -50 / 300

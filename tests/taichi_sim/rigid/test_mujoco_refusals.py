@@ -198,8 +198,7 @@ NOT_SUPPORTED = {
     "mocap": (ball(joint="", attributes='mocap="true"'), "`mocap`"),
     "a slide": (leg('type="slide"'), "`slide`"),
     "a ball joint": (leg('type="ball"'), "`ball`"),
-    "a spring": (leg('stiffness="1"'), "`stiffness` or `springdamper` without an actuator"),
-    "a spring by its time": (leg('springdamper="1 1"'), "`stiffness` or `springdamper` without an actuator"),
+    "a spring by its time": (leg('springdamper="1 1"'), "`springdamper` without an actuator"),
     "damping below 0": (leg('damping="-1"'), "damping, stiffness, friction or armature below 0"),
     "armature below 0": (leg('armature="-1"'), "damping, stiffness, friction or armature below 0"),
     "friction of a joint below 0": (leg('frictionloss="-1"'), "damping, stiffness, friction or armature below 0"),
@@ -227,7 +226,6 @@ NOT_SUPPORTED = {
         "actuators of anything but a `joint`",
     ),
     "no range": (leg(actuator='<motor joint="hip"/>'), "no range"),
-    "a lopsided motor": (leg(actuator='<motor joint="hip" ctrlrange="-1 2"/>'), "lopsided"),
     "a lopsided force": (
         leg(actuator='<position joint="hip" ctrlrange="-1 2" forcerange="0 1"/>'),
         "lopsided",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robots.quadruped import LEGS, TEXT, WHEGGED, Quadruped
-from taichi_sim.rigid import Capsule, Hinge, RigidEngine, Sphere, State, Weld, World
+from taichi_sim.rigid import Capsule, Hinge, Passive, RigidEngine, Servo, Sphere, State, Weld, World
 from taichi_sim.rigid.model.assembly import depth_of
 from taichi_sim.rigid.model.files import load_model, parse_model
 from taichi_sim.rigid.tables import parameters_of, points_of
@@ -110,11 +110,6 @@ def test_what_is_ignored_is_named_in_one_warning():
     assert len(caught) == 1 and "\n" not in str(caught[0].message)
     assert set(model.ignored) == {
         "<jointpos> sensors",
-        "damping of joints",
-        "damping of joints whose drives are at their limits of force",
-        "gains of drives",
-        "how stiff drives are, but not kp / kv",
-        "torques of motors, which are driven by rate",
     }
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -158,7 +153,7 @@ def same_trees(first, second):
 
 @pytest.mark.kernels
 def test_the_whegged_quadruped_as_mjcf_is_the_one_that_is_built():
-    built, model = WHEGGED.tree(TEXT), parse_model(whegged_text())
+    built, model = WHEGGED.tree(TEXT), parse_model(whegged_text(), speed=10.0, fastest=10.0)
     same_trees(model.tree, built)
     assert [hinge.command for hinge in model.tree.hinges] == [hinge.command for hinge in built.hinges]
     commands = np.random.default_rng(0).uniform(-1, 1, (3, 10, 8))
@@ -218,9 +213,22 @@ def test_a_urdf_robot_has_its_links_joints_and_limits():
     assert model.ignored == ("<visual>", "edges of cylinders, which touch the ground as capsules of their length")
 
 
-def test_stiffness_of_a_driven_hinge_is_ignored_and_named():
-    model = parse_model(ANT.replace('<joint name="hip 1"', '<joint name="hip 1" stiffness="2"'))
-    assert "stiffness of joints" in model.ignored
+def test_rotors_dampers_and_springs_are_those_of_the_file():
+    told = '<joint name="hip 1" armature="0.02" stiffness="2" springref="30"'
+    hinges = {hinge.child: hinge for hinge in parse_model(ANT.replace('<joint name="hip 1"', told)).tree.hinges}
+    assert hinges["aux 1"].passive == Passive(0.02, 1.0, 2.0, np.radians(30))
+    assert hinges["shin 2"].passive == Passive(damping=1.0)
+    without = ANT.replace("<mujoco>", '<mujoco><option><flag spring="disable" damper="disable"/></option>')
+    assert {hinge.passive for hinge in parse_model(without).tree.hinges} == {Passive()}
+
+
+def test_drives_have_the_torques_of_the_file():
+    """Those of MuJoCo: kp (ctrl - length) - kv velocity, gear times as long and as strong at the hinge."""
+    hinges = {hinge.child: hinge.motor for hinge in parse_model(ANT).tree.hinges}
+    assert hinges["shin 2"] == Servo(10.0, -20.0, 0.0, 0.0, 15.0)
+    assert hinges["aux 0"].torque == 30 and hinges["aux 0"].by_angle == 0
+    assert hinges["aux 0"].by_command == 1.5 * hinges["aux 0"].by_rate > 0
+    assert hinges["aux 1"].by_command == 150 and hinges["aux 1"].by_rate == 0 and hinges["aux 3"] is None
 
 
 def test_what_a_file_does_not_say_has_the_defaults_of_mujoco():
@@ -230,7 +238,7 @@ def test_what_a_file_does_not_say_has_the_defaults_of_mujoco():
 
 def test_a_time_step_may_take_the_place_of_the_files():
     assert parse_model(ANT, time_step=0.001).world == World(0.001, -9.81, friction=1.0)
-    knee = next(hinge for hinge in parse_model(ANT, time_step=0.2).tree.hinges if hinge.child == "shin 2")
+    knee = next(hinge for hinge in parse_model(ANT, time_step=0.2, speed=9.0).tree.hinges if hinge.child == "shin 2")
     assert knee.motor.by_angle == -5  # all that lacks, in a step
     shoulder = parse_model(ARM, time_step=0.2).tree.hinges[0]
     assert parse_model(ARM, time_step=0.2).world.time_step == 0.2 and shoulder.motor.by_angle == -5
@@ -473,13 +481,13 @@ BAD = {
     "a slide": (with_joint('<joint name="s" type="slide"/>'), "joint s: type 'slide' is not allowed here"),
     "two joints": (with_joint('<joint axis="1 0 0"/><joint axis="0 1 0"/>'), "body leg: 2 joints are not allowed"),
     "a free leg": (with_joint("<freejoint/>"), "body leg: a free joint is not allowed on it"),
-    "a spring": (
-        with_joint('<joint name="k" stiffness="50"/>'),
-        "joint k: stiffness '50' is not allowed without an actuator; give 0, as there are no springs",
+    "a spring by its time": (
+        with_joint('<joint name="k" springdamper="1 1"/>'),
+        "joint k: springdamper is not allowed without an actuator; give stiffness and damping",
     ),
-    "a spring of a class": (
-        with_joint('<joint name="k"/>').replace("<mujoco>", '<mujoco><default><joint stiffness="5"/></default>'),
-        "joint k: stiffness '5' is not allowed without an actuator",
+    "a spring by its time, of a class": (
+        with_joint('<joint name="k"/>').replace("<mujoco>", '<mujoco><default><joint springdamper="1 1"/></default>'),
+        "joint k: springdamper is not allowed without an actuator",
     ),
     "an axis of no length": (with_joint('<joint name="k" axis="0 0 0"/>'), "joint k: axis '0 0 0' is not allowed"),
     "stops that exclude the rest": (
