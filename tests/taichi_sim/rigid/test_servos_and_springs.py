@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 
 from taichi_sim.rigid import Body, Hinge, Motor, Passive, RigidEngine, Servo, State, Tree, World, slots
+from taichi_sim.rigid.model.files import read_model
 
 pytestmark = pytest.mark.kernels
 
@@ -179,3 +181,44 @@ def test_a_run_goes_on_from_its_state_with_the_rate_that_rotors_have():
         start, orientation=np.array([[1.0, 0, 0, 0]]), angles=np.array([[middle]]), rates=np.array([[rate]])
     )
     assert half.run(30, start=start).angles[0, 0] == pytest.approx(whole[60], rel=1e-9)
+
+
+SWINGS = """<mujoco><worldbody><body name="arm" pos="0 0 1">
+<joint name="a" axis="0 1 0" armature=".02" damping=".1" stiffness="4" springref="-20" range="-70 70" limited="{limited}"/>
+<geom type="sphere" size=".1" pos="0 0 -.5" mass="2"/>
+<body name="hand" pos="0 0 -.5"><joint name="b" axis="0 1 0" armature=".01" stiffness=".5"/>
+<geom type="sphere" size=".05" pos=".3 0 0" mass=".5"/></body></body></worldbody><actuator>{drives}</actuator></mujoco>"""
+DRIVES = {
+    "by angle and rate": '<position joint="a" kp="40" kv="2" ctrlrange="-1 1" forcerange="-6 6"/>'
+    '<velocity joint="b" kv=".5" ctrlrange="-8 8" forcerange="-1 1"/>',
+    "with gears": '<position joint="a" kp="9" gear="-2" dampratio=".4" ctrlrange="-1 1.5"/>'
+    '<velocity joint="b" kv=".1" gear="2" ctrlrange="-8 8"/>',
+    "by torque": '<motor joint="a" ctrlrange="-8 8"/><motor joint="b" gear=".5" ctrlrange="-1 2"/>',
+}
+
+
+@pytest.mark.parametrize("limited", ["false", "true"])
+@pytest.mark.parametrize("drives", DRIVES)
+def test_robots_of_files_move_as_in_mujoco(drives, limited):
+    """Drives, rotors, dampers, springs and stops, under random commands: as near as MuJoCo with the same steps."""
+    text = SWINGS.format(drives=DRIVES[drives], limited=limited)
+    told = np.random.default_rng(1).uniform(-1, 1, (12, 2))
+    theirs = mujoco.MjModel.from_xml_string(text)
+    theirs.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    low, high = theirs.actuator_ctrlrange.T
+
+    def in_mujoco(step):
+        theirs.opt.timestep, data, found = step, mujoco.MjData(theirs), []
+        for command in told:
+            data.ctrl[:] = (low + high) / 2 + command * (high - low) / 2
+            for _ in range(round(0.1 / step)):
+                mujoco.mj_step(theirs, data)
+            found.append(data.qpos.copy())
+        return np.array(found)
+
+    tree = read_model(text).tree
+    free = Tree([replace(body, shapes=()) for body in tree.bodies], tree.joints, tree.fixed)
+    run = RigidEngine([free], World(STEP), threads=1).run(1200, commands=told[None], hold=100, record_every=100)
+    exact, alike = in_mujoco(1e-5), in_mujoco(STEP)
+    assert np.abs(exact).max() > 0.8
+    assert np.abs(run.frames.angles[1:, 0] - exact).max() < 1.5 * np.abs(alike - exact).max() + 2e-3
