@@ -29,28 +29,30 @@ POSITION, ORIENTATION, LIGHT, POSE_WIDTH = 0, 3, 7, 7
 CLOSEST, DIVERGED, RESIDUAL = 10, 11, 12
 ROOT, ROOT_RIGHT, SLIP_STRENGTH, IMPULSE_TOLERANCE, HEAD = 13, 34, 40, 41, 42
 
-# Of a body. State: what it carries from step to step (angular, then linear), its own position, its hinge.
-CARRIED, OWN, ANGLE, MODES, LAST_RATE = 0, 6, 9, 10, 12
-STATE_WIDTH = 13
+# Of a body. State: what it carries from step to step (angular, then linear), its own position, its hinge: angle, modes
+# of its row and ways in which its friction lets it turn in each phase (1 or -1; 0 where it holds), rate.
+CARRIED, OWN, ANGLE, MODES, WAYS, LAST_RATE = 0, 6, 9, 10, 12, 14
+STATE_WIDTH = 15
 # Work: rotation, place relative to the base, hinge as a spatial vector, drift off the tree, inertia about the base,
 # momentum; the articulated inertia and momentum, the hinge's column, inverse, rate and contact impulse; its row, with
-# the least and the largest rate that its stops allow, the impulse with which it resists each unit of its rate, and that
-# by which a servo gives less for each; -1 of a motor that holds its rate. TARGET is a servo's impulse at rest.
-ROTATION, PLACE, SCREW, DRIFT, INERTIA, MOMENTUM = 13, 22, 25, 31, 34, 40
-ARTICULATED, IMPULSE, COLUMN, INVERSE, FREE_RATE, CONTACT, RATE = 46, 67, 73, 79, 80, 81, 82
-TARGET, PUSH, LOW, HIGH, VELOCITY = 83, 84, 85, 86, 87
+# the least and the largest rate that its stops allow, the impulse with which it resists each unit of its rate, that by
+# which a servo gives less for each, -1 of a motor that holds its rate, and the largest impulse of its friction. TARGET
+# is a servo's impulse at rest.
+ROTATION, PLACE, SCREW, DRIFT, INERTIA, MOMENTUM = 15, 24, 27, 33, 36, 42
+ARTICULATED, IMPULSE, COLUMN, INVERSE, FREE_RATE, CONTACT, RATE = 48, 69, 75, 81, 82, 83, 84
+TARGET, PUSH, LOW, HIGH, VELOCITY = 85, 86, 87, 88, 89
 MOVING = MOMENTUM  # after a step: its velocity, that of its centre
-LEAST_RATE, MOST_RATE, RESISTANCE, SERVO = 93, 94, 95, 96
-BODY_WIDTH = 97
+LEAST_RATE, MOST_RATE, RESISTANCE, SERVO, RUBBING = 95, 96, 97, 98, 99
+BODY_WIDTH = 100
 
 # Parameters of a body: mass, inertia at rest, from the anchor to the centre, from the parent's centre to the anchor,
 # axis; of its motor: torque, desired rate (of a servo torque) = by command, by angle, offset; stops; the motor's
 # largest rate; what acts on the hinge besides: inertia of the rotor, damping, stiffness of the spring and the angle
-# where that rests; a servo's torque by the rate, -1 of a motor that holds its rate.
+# where that rests; a servo's torque by the rate, -1 of a motor that holds its rate; torque of its friction.
 MASS, REST_INERTIA, CENTRE, ANCHOR, AXIS = 0, 1, 7, 10, 13
 TORQUE, BY_COMMAND, BY_ANGLE, OFFSET, LOWER, UPPER, FASTEST = 16, 17, 18, 19, 20, 21, 22
-ROTOR, DAMPING, STIFFNESS, SPRING_REST, BY_RATE = 23, 24, 25, 26, 27
-PARAMETER_WIDTH = 28
+ROTOR, DAMPING, STIFFNESS, SPRING_REST, BY_RATE, DRY_FRICTION = 23, 24, 25, 26, 27, 28
+PARAMETER_WIDTH = 29
 
 # Of a point that may touch the ground: place relative to the base, depth, normal impulse of each phase, strength of
 # its friction, row of the factored matrix; for the complementarity: right-hand side, member, scratch, excess; how fast

@@ -134,7 +134,8 @@ def parameters_of(tree: Tree) -> Floats:
                 each[slots.FASTEST] = slots.NO_STOP if fastest is None else fastest
             if joint.stops is not None:
                 each[[slots.LOWER, slots.UPPER]] = joint.stops
-            each[slots.ROTOR : slots.SPRING_REST + 1] = astuple(joint.passive)
+            *spring, each[slots.DRY_FRICTION] = astuple(joint.passive)
+            each[slots.ROTOR : slots.SPRING_REST + 1] = spring
             each[slots.BY_RATE] = _drag(tree, joint, motor) if isinstance(motor, Servo) else -1.0
     return found
 

@@ -103,16 +103,17 @@ def with_dynamics(rng: np.random.Generator, tree: Tree) -> tuple[Tree, list[str]
         "rotors": any(each.rotor_inertia for each in found),
         "dampers": any(each.damping for each in found),
         "springs": any(each.stiffness for each in found),
+        "rubbing hinges": any(each.friction for each in found),
     }
     return Tree(tree.bodies, joints, tree.fixed), [word for word, has in given.items() if has]
 
 
 def draw_passive(rng: np.random.Generator) -> Passive:
-    """A rotor, damper and spring, each there in two of three hinges; from far less to far more than bodies have."""
-    rotor, damping, stiffness = (
-        float(10 ** rng.uniform(*ends)) if rng.random() < 0.67 else 0.0 for ends in ((-5, 0), (-3, 1), (-2, 4))
+    """A rotor, damper, spring and friction, each in two of three hinges; from far less to far more than bodies have."""
+    rotor, damping, stiffness, friction = (
+        float(10 ** rng.uniform(*ends)) if rng.random() < 0.67 else 0.0 for ends in ((-5, 0), (-3, 1), (-2, 4), (-3, 1))
     )
-    return Passive(rotor, damping, stiffness, float(rng.uniform(-0.6, 0.6)))
+    return Passive(rotor, damping, stiffness, float(rng.uniform(-0.6, 0.6)), friction)
 
 
 def draw_servo(rng: np.random.Generator) -> Servo:

@@ -157,7 +157,7 @@ def _along_design(case: RigidCase, gradient: RigidGradient, rng: np.random.Gener
                     factors["by_rate"] = 1.0 + 0.3 * step * way[1]
                 motor = replace(motor, **scaled(motor, **factors))
             passive = Passive(
-                *(np.array(astuple(joint.passive)) * (1.0 + 0.3 * step * np.append(way, factor))).tolist()
+                *(np.array(astuple(joint.passive)) * (1.0 + 0.3 * step * np.append(way, [factor, -factor]))).tolist()
             )
             moved = {"anchor": place(joint.anchor, way), "axis": place(joint.axis, way)}
             return replace(joint, **moved, motor=motor, passive=passive)
@@ -225,6 +225,7 @@ def signature(case: RigidCase, steps: int) -> dict[str, np.ndarray]:
         "contact": points[..., slots.DEEP] >= 0,
         "push": points[..., slots.IMPULSES : slots.IMPULSES + 2] > 0,
         "torque or stop": bodies[:, tree.hinged, slots.MODES : slots.MODES + 2],
+        "friction of a hinge": bodies[:, tree.hinged, slots.WAYS : slots.WAYS + 2],
         "unsolved": memory[slots.RESIDUAL] > 1e-9,
     }
     found |= hinge_signature(run, bodies, memory)

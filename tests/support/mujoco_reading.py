@@ -121,10 +121,7 @@ class Pair:
                 close(np.add(hinge.stops, self.rests[hinge.child]), self.theirs.jnt_range[number], "stops", 1.0)
 
     def same_notes(self):
-        for values, name in (
-            (self.theirs.dof_frictionloss, "frictionloss of joints"),
-            (self.theirs.jnt_margin, "margin of joints"),
-        ):
+        for values, name in ((self.theirs.jnt_margin, "margin of joints"),):
             hinged = values if len(values) == self.theirs.njnt else values[self.theirs.jnt_dofadr]
             assert (name in self.model.ignored) == bool(hinged.any()), name
 
@@ -137,9 +134,9 @@ class Pair:
             number = self.joint_of[hinge.child]
             dof, rest = self.theirs.jnt_dofadr[number], self.rests[hinge.child]
             spring = self.theirs.qpos_spring[self.theirs.jnt_qposadr[number]] - rest
-            wanted = self.theirs.dof_armature[dof], self.theirs.dof_damping[dof], self.theirs.jnt_stiffness[number]
-            close(astuple(hinge.passive)[:3], wanted, f"passive forces of {hinge.child}")
-            close(hinge.passive.spring_rest, spring, f"spring of {hinge.child}", 1.0)
+            stiffness, friction = self.theirs.jnt_stiffness[number], self.theirs.dof_frictionloss[dof]
+            wanted = self.theirs.dof_armature[dof], self.theirs.dof_damping[dof], stiffness, spring, friction
+            close(astuple(hinge.passive), wanted, f"passive forces of {hinge.child}", 1.0)
             if hinge.motor is not None:
                 joint = self.theirs.actuator_trnid[hinge.command, 0]
                 assert joint == number, hinge.child

@@ -44,7 +44,7 @@ from taichi_sim.rigid.tables import Senses
 
 _ALONG = ("stiffness", "damping", "armature", "frictionloss")  # of joints, none of which is below 0
 _OPTIONS = ("timestep", "gravity")
-_FLAGS = ("gravity", "limit", "spring", "damper", "passive")  # that are read, beside "contact"
+_FLAGS = ("gravity", "limit", "spring", "damper", "passive", "frictionloss")  # that are read, beside "contact"
 
 
 def read_mjcf(
@@ -200,9 +200,7 @@ class MjcfReader:
 
     def _passive(self, joint: Element, rest: float, driven: bool) -> Passive:
         """Rotor, damper and spring of a hinge that rests at an angle [rad]."""
-        stiffness, damping, armature = (self._along(joint, each) for each in ("stiffness", "damping", "armature"))
-        if self._along(joint, "frictionloss"):
-            self.ignored["frictionloss of joints"] = None
+        stiffness, damping, armature, friction = (self._along(joint, each) for each in _ALONG)
         if numbers(joint, "springdamper", "0 0", 2).any() and not driven:
             raise ValueError(
                 f"{named(joint)}: springdamper is not allowed without an actuator; give stiffness and damping"
@@ -211,7 +209,10 @@ class MjcfReader:
             stiffness = 0.0
         if self._is_off("damper"):
             damping = 0.0
-        return Passive(armature, damping, stiffness, self.compiler.angle(number(joint, "springref", "0")) - rest)
+        if self.flags.get("frictionloss"):
+            friction = 0.0
+        spring_rest = self.compiler.angle(number(joint, "springref", "0")) - rest
+        return Passive(armature, damping, stiffness, spring_rest, friction)
 
     def _is_off(self, what: str) -> bool:
         return bool(self.flags.get(what) or self.flags.get("passive"))

@@ -66,7 +66,7 @@ def drive(
     limited = compiler.limits(actuator, "forcerange", "forcelimited") is not None
     torque = abs(gear) * symmetric(actuator, "forcerange") if limited else None
     keyword(actuator, "ctrllimited", "auto", "true", "false")
-    if "inheritrange" not in actuator.attrib:
+    if not number(actuator, "inheritrange", "0"):
         compiler.limits(actuator, "ctrlrange", "ctrllimited")
     ignored = (name for name in DRIVE_NOTES if name != "dampratio" or ideal.speed is not None)
     also = [f"{name} of drives" for name in ignored if numbers(actuator, name, "0").any()]

@@ -35,7 +35,7 @@ _DISABLED = _words(  # flags that are usually on
 )
 _ENABLED = _words("override energy fwdinv invdiscrete sensornoise sleep diagexact")  # flags that are usually off
 _NO_MOTION = _words(  # flags that change how something is computed, or what the engine has not
-    "equality frictionloss warmstart filterparent refsafe sensor midphase nativeccd eulerdamp autoreset island "
+    "equality warmstart filterparent refsafe sensor midphase nativeccd eulerdamp autoreset island "
     "multiccd energy fwdinv invdiscrete sensornoise sleep diagexact"
 )
 ATTRIBUTES = {

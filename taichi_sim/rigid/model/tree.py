@@ -154,7 +154,7 @@ class Servo:
 
 @dataclass(frozen=True)
 class Passive:
-    """What acts on a hinge besides its motor: the inertia of a rotor, a damper and a spring.
+    """What acts on a hinge besides its motor: the inertia of a rotor, a damper, a spring and friction.
 
     Attributes:
         rotor_inertia: of what turns with the hinge inside its drive, times the gear ratio squared [kg m^2]; MuJoCo's
@@ -162,6 +162,7 @@ class Passive:
         damping: torque against the rate of the hinge [N m s/rad].
         stiffness: torque of a spring for each radian [N m/rad].
         spring_rest: angle at which the spring is at rest [rad].
+        friction: torque against the rate, whatever that is, which holds the hinge as far as it goes [N m].
 
     Raises:
         ValueError: for a value that is not allowed.
@@ -171,6 +172,7 @@ class Passive:
     damping: NotNegative = 0.0
     stiffness: NotNegative = 0.0
     spring_rest: Finite = 0.0
+    friction: NotNegative = 0.0
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -183,8 +183,11 @@ def _hang(
     stops = None if span is None else (span[0] - start, span[1] - start)
     motor = _motor(joint, stops, speed, fastest)
     dynamics = single(joint, "dynamics")
-    damping = 0.0 if dynamics is None else not_negative(joint, "damping", number(dynamics, "damping", "0"))
-    passive = Passive(damping=damping)
+    damping, friction = (
+        0.0 if dynamics is None else not_negative(joint, name, number(dynamics, name, "0"))
+        for name in ("damping", "friction")
+    )
+    passive = Passive(damping=damping, friction=friction)
     return turned, Hinge(parent, child, place.position, place.rotation @ along, motor, command, stops, start, passive)
 
 
@@ -267,7 +270,4 @@ def _ignored(root: Element, angles: dict[str, float]) -> tuple[str, ...]:
     revolute = [joint for joint in root.findall("joint") if joint.get("type") == "revolute"]
     if any(rest_within(_range(joint), 0.0)[1] for joint in revolute if joint.get("name", "") not in angles):
         found.append(OUTSIDE)
-    dynamics = [(joint, each) for joint in root.findall("joint") for each in joint.findall("dynamics")]
-    if any([not_negative(joint, "friction", number(each, "friction", "0")) for joint, each in dynamics]):
-        found.append("friction of joints")
     return *found, *strangers(root)

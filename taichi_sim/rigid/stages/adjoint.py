@@ -136,6 +136,7 @@ def prepare_adjoint(robots: ti.template(), motion: ti.template(), cotangents: ti
         put(motion, body + slots.TARGET, (zero,))
         put(motion, body + slots.LOW, (zero, zero))
         put(motion, body + slots.LEAST_RATE, (zero, zero))
+        write(motion, body + slots.RUBBING, zero)
     if ti.static(motion.granular):
         sand.forget_limits(motion)
 
@@ -221,7 +222,9 @@ def undo_command(robots: ti.template(), motion: ti.template(), cotangents: ti.te
             body, motor = body_at(robots, b), column(robots, b, slots.MOTOR)
             mode, rate = read(robots, body + slots.MODES + rows), read(motion, body + slots.RATE)
             none = 0.0 * mode
-            driven, by_law = (mode > -0.5) & (mode < 0.5), read(robots, body + slots.SERVO) >= 0.0
+            way = read(robots, body + slots.WAYS + rows)
+            turns = (way > 0.5) | (way < -0.5)
+            driven, by_law = (mode > -0.5) & (mode < 0.5) & turns, read(robots, body + slots.SERVO) >= 0.0
             of_rate = 0.0 - row_impulse(motion, body)
             of_target = select(driven, select(by_law, rate, of_rate), none)
             of_least, of_most = select(mode > 1.5, of_rate, none), select(mode < -1.5, of_rate, none)
@@ -229,13 +232,14 @@ def undo_command(robots: ti.template(), motion: ti.template(), cotangents: ti.te
             by_high = select((mode > 0.5) & (mode < 1.5), rate, none)
             resisted = 0.0 - rate * read(robots, body + slots.RATE)
             of_servo = select(driven & by_law, resisted, none)
-            seeds = ti.static((of_target, rate, by_low, by_high, of_least, of_most, resisted, of_servo))
+            of_stops = ti.static((of_least, of_most))
+            seeds = ti.static((of_target, rate, by_low, by_high) + of_stops + (resisted, of_servo, 0.0 - way * rate))
             pieces = ti.static(hinge_slots(robots, b))
             inputs = ti.static(gather(robots, pieces) + (commanded(robots, b),))
             to = ti.static(pull_back(laws.hinge_row, inputs, (h, push_out, robots.drifting), seeds))
-            scatter(cotangents, pieces, to[:14], (LAST_RATE,))
+            scatter(cotangents, pieces, to[:15], (LAST_RATE,))
             if motor >= 0:
-                add_one(cotangents, robots.plan[slots.NEURON] + motor, to[14])
+                add_one(cotangents, robots.plan[slots.NEURON] + motor, to[15])
 
 
 @ti.func

@@ -67,4 +67,4 @@ def eye_slots(robots: Block, s: Any) -> Pieces:
 def hinge_slots(robots: Block, b: Any) -> Pieces:
     """Slots for ``hinge_row``: the angle; the last rate; parameters of the motor, the stops and what acts besides."""
     body = body_at(robots, b)
-    return (body + slots.ANGLE, 1), (body + slots.LAST_RATE, 1), (given_at(robots, b) + slots.TORQUE, 12)
+    return (body + slots.ANGLE, 1), (body + slots.LAST_RATE, 1), (given_at(robots, b) + slots.TORQUE, 13)

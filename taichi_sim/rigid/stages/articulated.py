@@ -7,7 +7,7 @@ parent sees I - U U^T / D and p - U u0. (Featherstone, Rigid Body Dynamics Algor
 A rotor, a damper and a spring add to D = S.U what they resist each unit of the rate with.
 """
 
-from taichi_sim.autodiff.lanes import larger, smaller
+from taichi_sim.autodiff.lanes import any_lane, larger, smaller
 from taichi_sim.autodiff.tracing import select
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import (
@@ -80,14 +80,17 @@ def collect(robots: ti.template(), phase):
             mode = read(robots, body + slots.MODES + phase)
             held, asked = (mode > 1.5) | (mode < -1.5), (mode > -0.5) & (mode < 0.5)
             servo = read(robots, body + slots.SERVO)
-            driven = held | (asked & (servo < 0.0))
+            way = read(robots, body + slots.WAYS + phase)
+            stuck = (way > -0.5) & (way < 0.5)
+            driven = held | stuck | (asked & (servo < 0.0))
             bound = select(mode > 0.0, read(robots, body + slots.HIGH), read(robots, body + slots.LOW))
             bound = select(asked, read(robots, body + slots.TARGET), bound)
             resistance = read(robots, body + slots.RESISTANCE) + select(asked & (servo >= 0.0), servo, 0.0 * servo)
             inverse = 1.0 / (spatial.dot(screw, column) + resistance)
-            free = (read(robots, body + slots.PUSH) + bound + spatial.dot(screw, impulse)) * inverse
+            push = read(robots, body + slots.PUSH) - way * read(robots, body + slots.RUBBING)
+            free = (push + bound + spatial.dot(screw, impulse)) * inverse
             stop = select(mode > 0.0, read(robots, body + slots.LEAST_RATE), read(robots, body + slots.MOST_RATE))
-            given = select(held, stop, read(robots, body + slots.TARGET))
+            given = select(held, stop, select(stuck, 0.0 * mode, read(robots, body + slots.TARGET)))
             rate = select(driven, given, free)
             inverse = select(driven, 0.0, inverse)
             put(robots, body + slots.COLUMN, column)
@@ -140,11 +143,13 @@ def repeat_rows(robots: ti.template(), touching):
         if is_hinged(robots, b):
             first = body_at(robots, b) + slots.MODES
             write(robots, first + 1, select(touching > 0.5, read(robots, first + 1), read(robots, first)))
+            way = body_at(robots, b) + slots.WAYS
+            write(robots, way + 1, select(touching > 0.5, read(robots, way + 1), read(robots, way)))
 
 
 @ti.func
 def row_impulse(robots: ti.template(), body):
-    """The impulse of a hinge's row, beside its push and what resists its rate: what its body needs less what it has."""
+    """The impulse of a hinge's drive, stop and friction: what its body needs less what it has, and what else acts."""
     needed = spatial.dot(row(robots, body + slots.COLUMN, 6), row(robots, body + slots.VELOCITY, 6))
     given = spatial.dot(row(robots, body + slots.SCREW, 6), row(robots, body + slots.IMPULSE, 6))
     resisted = read(robots, body + slots.RESISTANCE) * read(robots, body + slots.RATE)
@@ -170,7 +175,7 @@ def row_tolerances(robots: ti.template(), body):
         resisted = read(robots, body + slots.RESISTANCE) * read(robots, body + slots.RATE)
         beside = larger(push, 0.0 - push) + larger(resisted, 0.0 - resisted)
         size = needed + given + larger(contact, 0.0 - contact) + beside
-        strength = read(robots, body + slots.HIGH) - read(robots, body + slots.LOW)
+        strength = read(robots, body + slots.HIGH) - read(robots, body + slots.LOW) + read(robots, body + slots.RUBBING)
         of_impulse = tolerance * (smaller(1.0 + 0.0 * size, ROUNDINGS * strength) + ROUNDINGS * size)
         most = LARGEST_SLIP * (read(robots, body + slots.MOST_RATE) - read(robots, body + slots.LEAST_RATE))
         of_rate = tolerance + smaller(tolerance * ROUNDINGS * size * read(robots, body + slots.INVERSE), most)
@@ -189,37 +194,118 @@ def switch_rows(robots: ti.template(), phase, single, last, active):
         b = robots.plan[slots.BODIES] - back
         if is_hinged(robots, b):
             body = body_at(robots, b)
+            mode, way = read(robots, body + slots.MODES + phase), read(robots, body + slots.WAYS + phase)
             impulse = row_impulse(robots, body)
-            servo = read(robots, body + slots.SERVO)
-            by_law, firm = servo >= 0.0, servo < 0.0
             loose, slack = row_tolerances(robots, body)
-            low, high = read(robots, body + slots.LOW), read(robots, body + slots.HIGH)
-            rate, target = read(robots, body + slots.RATE), read(robots, body + slots.TARGET)
-            ahead = rate - target
-            asked = target - servo * rate  # of a servo
-            mode = read(robots, body + slots.MODES + phase)
-            driven, held = (mode > -0.5) & (mode < 0.5), (mode > 1.5) | (mode < -1.5)
-            beyond = select(impulse > high + loose, 1.0, select(impulse < low - loose, -1.0, 0.0 * impulse))
-            weaker = (firm & (ahead > slack)) | (by_law & (asked < high - loose))
-            stronger = (firm & (ahead < 0.0 - slack)) | (by_law & (asked > low + loose))
-            passed = ((mode > 0.5) & weaker) | ((mode < -0.5) & stronger)
-            after = select(driven, beyond, select(passed & (low < high), slots.MODE_DRIVEN, mode))
-            passive = low >= high
-            below = rate < read(robots, body + slots.LEAST_RATE) - slack
-            above = rate > read(robots, body + slots.MOST_RATE) + slack
-            at_stop = select(below, 2.0, select(above, -2.0, mode))
-            stopped = (((mode > 0.5) | passive) & below) | (((mode < -0.5) | passive) & above)
-            stopped = (by_law & (below | above)) | (stopped & ((mode > 0.5) | (mode < -0.5)))
-            after = select(stopped, at_stop, after)
-            # What the drive itself gives at a stop, without which the stop would have to pull.
-            most, least = select(by_law, smaller(asked, high), high), select(by_law, larger(asked, low), low)
-            lifted = ((mode > 1.5) & (impulse < most - loose)) | ((mode < -1.5) & (impulse > least + loose))
-            let_go = select(by_law, slots.MODE_DRIVEN, 0.5 * mode)
-            after = select(held, select(lifted, let_go, mode), after)
+            after, turns = next_mode(robots, body, mode, impulse, loose, slack), way
+            if any_lane(read(robots, body + slots.RUBBING) > 0.0):
+                rubs = read(robots, body + slots.RUBBING) > 0.0
+                mode_then, way_then = next_way(robots, body, mode, way, impulse, loose, slack)
+                after, turns = select(rubs, mode_then, after), select(rubs, way_then, way)
             if last > 0:
-                after = select(held, mode, at_stop)
-            after = select(active > 0.5, after, mode)
-            others = wrong
-            wrong = wrong + smaller((after - mode) * (after - mode), 1.0 + 0.0 * mode)
-            write(robots, body + slots.MODES + phase, select((single > 0.5) & (others > 0.5), mode, after))
+                held = (mode > 1.5) | (mode < -1.5)
+                after, turns = select(held, mode, at_stop(robots, body, mode, slack)), way
+            after, turns = select(active > 0.5, after, mode), select(active > 0.5, turns, way)
+            changed = (after - mode) * (after - mode) + (turns - way) * (turns - way)
+            waits = (single > 0.5) & (wrong > 0.5)
+            wrong = wrong + smaller(changed, 1.0 + 0.0 * mode)
+            write(robots, body + slots.MODES + phase, select(waits, mode, after))
+            write(robots, body + slots.WAYS + phase, select(waits, way, turns))
     return wrong
+
+
+@ti.func
+def at_stop(robots: ti.template(), body, mode, slack):
+    """The mode of a row whose rate passes a stop's; else its own."""
+    rate = read(robots, body + slots.RATE)
+    below = rate < read(robots, body + slots.LEAST_RATE) - slack
+    above = rate > read(robots, body + slots.MOST_RATE) + slack
+    return select(below, 2.0, select(above, -2.0, mode))
+
+
+@ti.func
+def next_mode(robots: ti.template(), body, mode, impulse, loose, slack):
+    """The next mode of the row of a hinge without friction."""
+    servo, rate, target = (
+        read(robots, body + slots.SERVO),
+        read(robots, body + slots.RATE),
+        read(robots, body + slots.TARGET),
+    )
+    by_law, firm = servo >= 0.0, servo < 0.0
+    low, high = read(robots, body + slots.LOW), read(robots, body + slots.HIGH)
+    ahead, asked = rate - target, target - servo * rate  # of a motor; of a servo
+    driven, held = (mode > -0.5) & (mode < 0.5), (mode > 1.5) | (mode < -1.5)
+    beyond = select(impulse > high + loose, 1.0, select(impulse < low - loose, -1.0, 0.0 * impulse))
+    weaker = (firm & (ahead > slack)) | (by_law & (asked < high - loose))
+    stronger = (firm & (ahead < 0.0 - slack)) | (by_law & (asked > low + loose))
+    passed = ((mode > 0.5) & weaker) | ((mode < -0.5) & stronger)
+    after = select(driven, beyond, select(passed & (low < high), slots.MODE_DRIVEN, mode))
+    passive, stop = low >= high, at_stop(robots, body, mode, slack)
+    below, above = stop > 1.5, stop < -1.5
+    stopped = (((mode > 0.5) | passive) & below) | (((mode < -0.5) | passive) & above)
+    stopped = (by_law & (below | above)) | (stopped & ((mode > 0.5) | (mode < -0.5)))
+    after = select(stopped, stop, after)
+    # What the drive itself gives at a stop, without which the stop would have to pull.
+    most, least = select(by_law, smaller(asked, high), high), select(by_law, larger(asked, low), low)
+    lifted = ((mode > 1.5) & (impulse < most - loose)) | ((mode < -1.5) & (impulse > least + loose))
+    let_go = select(by_law, slots.MODE_DRIVEN, 0.5 * mode)
+    return select(held, select(lifted, let_go, mode), after)
+
+
+@ti.func
+def next_way(robots: ti.template(), body, mode, way, impulse, loose, slack):
+    """The next mode of the row of a hinge with friction, and which way it turns: 1, -1, or 0 where friction holds it.
+
+    The impulse of drive, friction and stops falls as the rate grows, in levels: at a stop, with the largest impulse, as
+    the drive wants it, with the least one, at the other stop; where the rate is 0 friction has one of its own among
+    them. A row goes on to the next level.
+    """
+    servo, rubbing, rate = (
+        read(robots, body + slots.SERVO),
+        read(robots, body + slots.RUBBING),
+        read(robots, body + slots.RATE),
+    )
+    by_law, target = servo >= 0.0, read(robots, body + slots.TARGET)
+    low, high = read(robots, body + slots.LOW), read(robots, body + slots.HIGH)
+    one = 0.0 * mode + 1.0
+    to_front, to_back = rate > slack, rate < 0.0 - slack
+    # At rest a servo gives its law's impulse, a motor that wants to turn all of its own, and one that does not any.
+    law = larger(low, smaller(high, target))
+    least = select(by_law, law, select(target > slack, high, low))
+    most = select(by_law, law, select(target < 0.0 - slack, low, high))
+    law_mode = select(target > high, one, select(target < low, 0.0 - one, 0.0 * one))
+    front = select(by_law, law_mode, select(target > slack, one, 0.0 - one))  # modes beside the level of the friction
+    rear = select(by_law, law_mode, select(target < 0.0 - slack, 0.0 - one, one))
+    # Where friction holds it.
+    forwards, backwards = impulse < least - rubbing - loose, impulse > most + rubbing + loose
+    way_then = select(forwards, one, select(backwards, 0.0 - one, 0.0 * one))
+    mode_then = select(forwards, front, select(backwards, rear, mode))
+    # Where it turns.
+    own = impulse + way * rubbing  # of the drive
+    asked = target - servo * rate
+    turns = (way > 0.5) | (way < -0.5)
+    stops = ((way > 0.5) & to_back & (mode - front < 0.5) & (front - mode < 0.5)) | (
+        (way < -0.5) & to_front & (mode - rear < 0.5) & (rear - mode < 0.5)
+    )
+    beyond = select(own > high + loose, one, select(own < low - loose, 0.0 - one, 0.0 * one))
+    weaker = select(by_law, high - loose - asked, rate - target - slack) > 0.0
+    stronger = select(by_law, asked - low - loose, target - rate - slack) > 0.0
+    passed = (((mode > 0.5) & weaker) | ((mode < -0.5) & stronger)) & (low < high)
+    turning = select((mode > -0.5) & (mode < 0.5), beyond, select(passed, slots.MODE_DRIVEN, mode))
+    mode_then = select(turns, select(stops, mode, turning), mode_then)
+    way_then = select(turns, select(stops, 0.0 * one, way), way_then)
+    stop = at_stop(robots, body, mode, slack)
+    past = (stop > 1.5) | (stop < -1.5)
+    mode_then, way_then = select(past, stop, mode_then), select(past, way, way_then)
+    # Where a stop holds it: it lets go of what it would have to pull.
+    asked_mode = select(asked > high, one, select(asked < low, 0.0 - one, 0.0 * one))
+    up = select(by_law, larger(low, smaller(high, asked)), high)
+    up = select(to_front, up - rubbing, select(to_back, up + rubbing, most + rubbing))
+    down = select(by_law, larger(low, smaller(high, asked)), low)
+    down = select(to_back, down + rubbing, select(to_front, down - rubbing, least - rubbing))
+    lifted = ((mode > 1.5) & (impulse < up - loose)) | ((mode < -1.5) & (impulse > down + loose))
+    let_go = select(by_law, asked_mode, 0.5 * mode)
+    held = (mode > 1.5) | (mode < -1.5)
+    after_stop = select(to_front, one, select(to_back, 0.0 - one, 0.0 * one))
+    mode_then = select(held, select(lifted, let_go, mode), mode_then)
+    return mode_then, select(held, select(lifted, after_stop, way), way_then)

@@ -209,14 +209,16 @@ def hinge_row(*values: Any) -> tuple[Any, ...]:
 
     A rotor resists a change of the rate, a damper and a spring resist the rate and pull. A quarter of what a spring
     gains in a step counts as inertia: it then swings as by the trapezoidal rule, without loss and stable however stiff
-    it is (Newmark, 1959, beta = 1/4). So do servos.
+    it is (Newmark, 1959, beta = 1/4). So do servos. Friction, the last value, takes as large an impulse against the
+    rate, and holds the hinge as far as that goes.
 
     Values: angle, rate before; torque, by_command, by_angle and offset of the drive; stops; its fastest rate; inertia
-    of the rotor, damping, stiffness and angle at rest of the spring; the drive's by_rate; command; then time step,
-    correction, drifting.
+    of the rotor, damping, stiffness and angle at rest of the spring; the drive's by_rate; friction; command; then time
+    step, correction, drifting.
     """
     angle, rate, torque, by_command, by_angle, offset, lower, upper, fastest = values[:9]
-    rotor, damping, stiffness, spring_rest, by_rate, command, time_step, correction, drifting = values[9:]
+    rotor, damping, stiffness, spring_rest, by_rate, friction, command, time_step, correction, drifting = values[9:]
+    rubbing = time_step * friction
     inertia = rotor + 0.25 * time_step * time_step * stiffness
     resistance = inertia + time_step * damping
     passive = inertia * rate - time_step * stiffness * (angle - spring_rest)
@@ -234,7 +236,7 @@ def hinge_row(*values: Any) -> tuple[Any, ...]:
         least = select(at_lower, back, at_once) * (lower - angle)
         most = select(at_upper, back, at_once) * (upper - angle)
         target = select(firm, select(wanted < least, least, select(wanted > most, most, wanted)), pull)
-        return target, none + passive, 0.0 - strength, strength, least, most, resistance, servo
+        return target, none + passive, 0.0 - strength, strength, least, most, resistance, servo, rubbing
     stopped = at_lower | at_upper
     upwards = (wanted > 0.0) | ((wanted >= 0.0) & at_upper)
     target = select(stopped, correction * (select(at_lower, lower, upper) - angle), select(firm, wanted, pull))
@@ -243,7 +245,7 @@ def hinge_row(*values: Any) -> tuple[Any, ...]:
     low = select(stopped, select(at_lower, none, none - slots.NO_STOP), 0.0 - strength)
     high = select(stopped, select(at_lower, none + slots.NO_STOP, none), strength)
     servo = select(stopped, none - 1.0, servo)
-    return target, push + passive, low, high, none - slots.NO_STOP, none + slots.NO_STOP, resistance, servo
+    return target, push + passive, low, high, none - slots.NO_STOP, none + slots.NO_STOP, resistance, servo, rubbing
 
 
 @primitive

@@ -1,4 +1,4 @@
-"""Hinges with servos, rotors, dampers and springs: against their equations of motion."""
+"""Hinges with servos, rotors, dampers, springs and friction: against their equations of motion."""
 
 from dataclasses import replace
 
@@ -76,6 +76,48 @@ def test_a_position_servo_comes_to_its_angle_whatever_its_stiffness(stiffness, d
     assert found[-1] == pytest.approx(0.7, abs=1e-6)
 
 
+@pytest.mark.parametrize("motor", [None, Servo(1.0, torque=0.0), Motor(0.0, 1.0)])
+def test_a_wheel_with_friction_runs_down_and_stays(motor):
+    given = None if motor is None else np.ones((1, 1, 1))
+    rates = np.diff(turned(wheel(motor, Passive(friction=0.05)), 1000, rate=1.0, commands=given)) / STEP
+    slowing = 0.05 / INERTIA * STEP
+    assert rates == pytest.approx(np.maximum(1.0 - slowing * np.arange(1, 1001), 0.0), abs=1e-9)
+    assert (rates[410:] == 0).all()
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_friction_holds_what_a_drive_cannot_move(side):
+    """A torque, a spring and a motor that wants a rate: below the friction nothing moves, beyond it the rest does."""
+    commands = np.full((1, 1, 1), float(side))
+    for share, drive, passive in (
+        (0.3, Servo(0.3), Passive()),
+        (0.3, Motor(0.3, 50.0), Passive()),
+        (0.3, Servo(0.0), Passive(stiffness=1.0, spring_rest=0.3 * side)),
+    ):
+        held = turned(wheel(drive, replace(passive, friction=1.01 * share)), 200, commands=commands)
+        assert (held == 0).all()
+        found = turned(wheel(drive, replace(passive, friction=0.9 * share)), 30, commands=commands)
+        assert np.diff(found)[0] * side / STEP == pytest.approx(STEP * 0.1 * share / INERTIA, rel=1e-4)
+
+
+def test_a_motor_keeps_its_rate_against_friction_as_far_as_its_torque_goes():
+    commands = np.ones((1, 1, 1))
+    rates = np.diff(turned(wheel(Motor(0.5, 2.0), Passive(friction=0.4)), 800, commands=commands)) / STEP
+    assert rates[0] == pytest.approx(STEP * 0.1 / INERTIA, rel=1e-9) and rates[-1] == pytest.approx(2.0, rel=1e-9)
+    turning = np.repeat([1.0, -1.0, 0.0], 500)[None, :, None]
+    rates = np.diff(turned(wheel(Motor(0.5, 2.0), Passive(friction=0.4)), 1500, commands=turning)) / STEP
+    assert rates[[499, 999]] == pytest.approx([2.0, -2.0], rel=1e-9) and (rates[1200:] == 0).all()
+    assert rates[500] == pytest.approx(2.0 - STEP * 0.9 / INERTIA, rel=1e-9)
+
+
+def test_friction_takes_its_part_at_stops():
+    """An arm that a servo presses on a stop stays there until the servo pulls beyond the friction."""
+    commands = np.repeat([1.0, -0.2, -0.6], 300)[None, :, None]
+    found = turned(wheel(Servo(1.0), Passive(friction=0.3), stops=(-1.0, 0.2)), 900, commands=commands)
+    assert found[[250, 600]] == pytest.approx([0.2, 0.2], abs=1e-9) and found[-1] < 0.2 - 0.1
+    assert found[[601]] - found[[600]] == pytest.approx([-STEP * STEP * 0.3 / INERTIA], rel=1e-6)
+
+
 def test_an_undamped_servo_swings_as_a_spring_does():
     servo = turned(wheel(Servo.position(-0.3, 0.7, 40.0)), 500, 0.5, commands=np.zeros((1, 1, 1)))
     spring = turned(wheel(passive=Passive(stiffness=40.0, spring_rest=0.2)), 500, 0.5)
@@ -120,20 +162,21 @@ def leg(values):
     hip = Servo(*values[:4].tolist(), torque=float(values[4]))
     knee = Motor(30.0, 4.0, -6.0, 0.5)
     joints = [
-        Hinge("base", "thigh", (0, 0, 1), (0, 1, 0), hip, 0, (-0.4, 0.3), passive=Passive(*values[5:9].tolist())),
-        Hinge("thigh", "shank", (0, 0, 0.6), (0.1, 1, 0), knee, 1, passive=Passive(*values[9:13].tolist())),
+        Hinge("base", "thigh", (0, 0, 1), (0, 1, 0), hip, 0, (-0.4, 0.3), passive=Passive(*values[5:10].tolist())),
+        Hinge("thigh", "shank", (0, 0, 0.6), (0.1, 1, 0), knee, 1, passive=Passive(*values[10:15].tolist())),
     ]
     return Tree(bodies, joints, True)
 
 
-NUMBERS = np.array([6.0, -20.0, 1.0, 0.5, 5.0, 0.03, 0.2, 4.0, 0.1, 0.02, 0.1, 2.0, -0.2])
+NUMBERS = np.array([6.0, -20.0, 1.0, 0.5, 5.0, 0.03, 0.2, 4.0, 0.1, 0.5, 0.02, 0.1, 2.0, -0.2, 0.3])
 SLOTS = [*range(slots.BY_COMMAND, slots.OFFSET + 1), slots.BY_RATE, slots.TORQUE]
-PLACES = [(1, s) for s in SLOTS] + [(n, s) for n in (1, 2) for s in range(slots.ROTOR, slots.SPRING_REST + 1)]
+BESIDE = [*range(slots.ROTOR, slots.SPRING_REST + 1), slots.DRY_FRICTION]
+PLACES = [(1, s) for s in SLOTS] + [(n, s) for n in (1, 2) for s in BESIDE]
 
 
 @pytest.mark.parametrize("integration", ["momentum", "velocity"])
 def test_gradients_are_those_of_differences(integration):
-    """By all numbers of a servo, rotors, dampers and springs, in bounds, at bounds and at stops, and by the start."""
+    """By all numbers of a servo, passive forces and friction, in bounds, at bounds and at stops, and by the start."""
     rng, steps, change = np.random.default_rng(4), 300, 1e-6
     commands = rng.uniform(-1.5, 1.5, (1, 10, 2))
     world = World(2e-3, integration=integration)
@@ -184,10 +227,13 @@ def test_a_run_goes_on_from_its_state_with_the_rate_that_rotors_have():
 
 
 SWINGS = """<mujoco><worldbody><body name="arm" pos="0 0 1">
-<joint name="a" axis="0 1 0" armature=".02" damping=".1" stiffness="4" springref="-20" range="-70 70" limited="{limited}"/>
+<joint name="a" axis="0 1 0" armature=".02" damping=".1" stiffness="4" springref="-20" range="-70 70"
+limited="{limited}"/>
 <geom type="sphere" size=".1" pos="0 0 -.5" mass="2"/>
-<body name="hand" pos="0 0 -.5"><joint name="b" axis="0 1 0" armature=".01" stiffness=".5"/>
-<geom type="sphere" size=".05" pos=".3 0 0" mass=".5"/></body></body></worldbody><actuator>{drives}</actuator></mujoco>"""
+<body name="hand" pos="0 0 -.5"><joint name="b" axis="0 1 0" armature=".01" stiffness=".5" frictionloss="{friction}"
+solreffriction="1e-4 1"/>
+<geom type="sphere" size=".05" pos=".3 0 0" mass=".5"/></body></body></worldbody>
+<actuator>{drives}</actuator></mujoco>"""
 DRIVES = {
     "by angle and rate": '<position joint="a" kp="40" kv="2" ctrlrange="-1 1" forcerange="-6 6"/>'
     '<velocity joint="b" kv=".5" ctrlrange="-8 8" forcerange="-1 1"/>',
@@ -201,7 +247,7 @@ DRIVES = {
 @pytest.mark.parametrize("drives", DRIVES)
 def test_robots_of_files_move_as_in_mujoco(drives, limited):
     """Drives, rotors, dampers, springs and stops, under random commands: as near as MuJoCo with the same steps."""
-    text = SWINGS.format(drives=DRIVES[drives], limited=limited)
+    text = SWINGS.format(drives=DRIVES[drives], limited=limited, friction=0.1 * (drives != "by torque"))
     told = np.random.default_rng(1).uniform(-1, 1, (12, 2))
     theirs = mujoco.MjModel.from_xml_string(text)
     theirs.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
