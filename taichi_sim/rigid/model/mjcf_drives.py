@@ -65,9 +65,11 @@ def drive(
         raise ValueError(f"{named(actuator)}: gear {gear:g} is not allowed; give at most {_MOST_GEAR:g}")
     limited = compiler.limits(actuator, "forcerange", "forcelimited") is not None
     torque = abs(gear) * symmetric(actuator, "forcerange") if limited else None
-    keyword(actuator, "ctrllimited", "auto", "true", "false")
+    told = keyword(actuator, "ctrllimited", "auto", "true", "false")
     if not number(actuator, "inheritrange", "0"):
         compiler.limits(actuator, "ctrlrange", "ctrllimited")
+    elif told == "auto" and not compiler.automatic:
+        raise ValueError(f"{named(actuator)}: inheritrange is not allowed without ctrllimited; give it, or autolimits")
     ignored = (name for name in DRIVE_NOTES if name != "dampratio" or ideal.speed is not None)
     also = [f"{name} of drives" for name in ignored if numbers(actuator, name, "0").any()]
     if actuator.tag == "motor":
