@@ -35,6 +35,9 @@ def waves_behind(table: ChannelTable, rig: PneumaticRig, response: Response = WH
 def _steady(table: ChannelTable, rig: PneumaticRig, response: Response) -> Floats:
     """Pressures behind all lines at the nodes of a cycle that repeats, (NODES, C) [kPa]."""
     length, start = table.durations["main"], float(table.times[np.array(table.sections) == "main"][0])
+    # Whole cycles of delay change no cycle that repeats, but until they have passed all lines rest, cycle by cycle.
+    channels = (replace(each, valve_delay_s=each.valve_delay_s % length) for each in rig.channels)
+    rig = replace(rig, channels=tuple(channels))
     cycles, step = 2, length / (NODES * _FINE)
     while cycles <= _MOST_CYCLES:
         times, commands = table.played_rows(cycles)

@@ -20,14 +20,14 @@ def rig_with(name="rig", **settings) -> PneumaticRig:
     )
 
 
-def table(nodes=64, rig=None):
+def table(nodes=64, rig=None, frequency=FREQUENCY):
     turns = 2 * np.pi * np.arange(nodes) / nodes
     calibration = Calibration(0.0, 1.0, 0.0, 20.0)
     waves = [
         Wave("left", 0.5 + 0.4 * np.sin(turns), calibration, {}),
         Wave("right", 0.5 + 0.3 * np.cos(turns), calibration, {}),
     ]
-    return channel_table("robot", waves, Rhythm(FREQUENCY, 3, 0.5, nodes), rig or rig_with())
+    return channel_table("robot", waves, Rhythm(frequency, 3, 0.5, nodes), rig or rig_with())
 
 
 def harmonic(values):
@@ -58,6 +58,18 @@ def test_a_delay_shifts_a_wave():
     played = [wave.values[:: 64 // NODES] for wave in table().played()]
     np.testing.assert_allclose(left.values, np.roll(played[0], 2), atol=1e-9)
     np.testing.assert_allclose(right.values, np.roll(played[1], 2), atol=1e-9)
+
+
+@pytest.mark.parametrize("cycles", [1, 2, 5, 30])
+@pytest.mark.parametrize("rest", [0.0, 0.05])
+def test_delays_of_whole_cycles_change_no_cycle_that_repeats(cycles, rest):
+    """Lines rest until a delay has passed, cycle after cycle: that is not yet the cycle that repeats."""
+    quick = table(frequency=4.0)
+    late = cycles * quick.durations["main"] + rest  # of rounded times of rows
+    found, once = (waves_behind(quick, rig_with(valve_delay_s=delay, lag_s=0.02)) for delay in (late, rest))
+    for wave, expected in zip(found, once, strict=True):
+        assert np.ptp(wave.values) > 0.5
+        np.testing.assert_allclose(wave.values, expected.values, atol=1e-5)
 
 
 def test_a_limit_of_rate_makes_a_triangle_of_a_quick_sine():
