@@ -8,10 +8,11 @@ from numpy.typing import ArrayLike
 
 from robots.articulated.worlds import relief_under
 from robots.outcome import World
-from robots.view.motion import Ground, Motion
+from robots.view.motion import Ground, Motion, speed_channels
 from robots.view.rigid_motion import LIGHT, SWITCH, VALUE, frame_channels, rigid_motion
 from robots.view.scene import HUES, SUN
 from robots.world import Terrain
+from taichi_sim.base.arrays import along
 from taichi_sim.rigid import Frames, Tree
 
 if TYPE_CHECKING:
@@ -59,6 +60,8 @@ def motion_of(
 ) -> Motion:
     """The motion of a robot of a file on its ground, with its sensors, commands and light.
 
+    Its distance is that of its centre of mass along its heading, as its measures count it, and its speed that of this.
+
     Args:
         robot: the robot.
         frames: frames of the engine's result.
@@ -74,7 +77,9 @@ def motion_of(
     sensors = [*(f"{body} on ground" for body in robot.senses.touch), *(["light"] if robot.light else [])]
     tree, told = tree or robot.tree, name or robot.name
     motion = driven_motion(tree, frames, sensors, robot.drives, number, name=told, lights=lights)
-    return on_its_ground(motion, robot, world)
+    own = speed_channels(motion.times, along(motion.centre_of_mass, robot.direction))
+    counted = replace(motion, channels=(*motion.channels[: -len(own)], *own))
+    return on_its_ground(counted, robot, world)
 
 
 def on_its_ground(motion: Motion, robot: "ArticulatedRobot", world: World) -> Motion:

@@ -257,6 +257,18 @@ def test_it_offers_what_every_robot_offers(tmp_path):
     assert robot.facts()[0] == ("Robot", "articulated robot: 3 bodies on 2 hinges, 1.6 kg")
 
 
+@pytest.mark.kernels
+@pytest.mark.parametrize("frames", [9, 41])
+def test_a_player_counts_distance_as_the_measures_do(frames):
+    robot = crawler(heading=33.0, duration=2.0)
+    replay = robot.replay(some_points(robot, 1)[0], GROUND, frames=frames, compute=Compute(**HERE))
+    distance, speed = replay.motion.channels[-2:]
+    assert (distance.name, speed.name) == ("distance", "speed")
+    measured = float(replay.outcome.measures["distance"][0])
+    assert distance.values[0] == 0 and distance.values[-1] == pytest.approx(measured, abs=1e-9)
+    assert abs(measured) < 0.9 * np.hypot(*np.diff(replay.motion.path[:, :2], axis=0).T).sum()  # its base swings
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
