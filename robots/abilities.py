@@ -46,6 +46,11 @@ class Abilities:
         """
         raise ValueError(f"source: {KINDS.of(self).title} has no gait table; no rig plays it")
 
+    @property
+    def on_rigs(self) -> bool:
+        """Whether rigs play such robots; :meth:`rig_report` says why one does not play this one, nothing of it free."""
+        return type(self).rig_report is not Abilities.rig_report
+
     def rig_report(self, rig: Any) -> tuple[Any, float]:
         """Report on what a robot without free variables requires of a rig, and its duration in the simulation [s].
 

@@ -33,7 +33,6 @@ class RobotDesigning(Problem):
     threads: int | None = None
     progress: Callable[[float], None] | None = None
 
-    exportable = False  # whether hardware plays robots of this kind
     uncertain = ""  # what is drawn for every judgement, if anything
     draws = 1
 
@@ -41,6 +40,11 @@ class RobotDesigning(Problem):
     def offered(self) -> Robot | None:
         """The robot with its free parameters; None if the designed numbers are not all parameters of one robot."""
         return None
+
+    @property
+    def on_rigs(self) -> bool:
+        """Whether rigs play its robots, whose own ``rig_report`` tells more of each."""
+        return self.offered is not None and self.offered.on_rigs
 
     @property
     @abstractmethod

@@ -21,9 +21,10 @@ def rig_section(report: RigReport, default: bool, simulated: float) -> tuple[Sec
     names = "the default rig" if default else "this rig"
     refused = f"It exceeds a limit of {names}, and is refused: it cannot be exported as it is."
     verdict = refused if report.exceeded else f"It keeps every limit of {names}."
-    slower = f", {report.playing_s / simulated:.1f} times the {simulated:.1f} s of the simulation" if simulated else ""
+    times = report.playing_s / simulated if simulated else 0.0
+    slower = f", {times:.1f} times the {_seconds(simulated)} s of the simulation" if simulated else ""
     time = (
-        f"It takes {report.shaping_s:.1f} s to give the body its shape, then {report.playing_s:.1f} s for "
+        f"It takes {_seconds(report.shaping_s)} s to give the body its shape, then {_seconds(report.playing_s)} s for "
         f"{report.states} states of {_range(report)}{slower}."
     )
     content = [
@@ -40,8 +41,13 @@ def rig_section(report: RigReport, default: bool, simulated: float) -> tuple[Sec
 
 
 def _range(report: RigReport) -> str:
-    low, high = f"{report.shortest_state_s:.1f}", f"{report.longest_state_s:.1f}"
+    low, high = _seconds(report.shortest_state_s), _seconds(report.longest_state_s)
     return f"{low} s each" if low == high else f"{low} to {high} s each"
+
+
+def _seconds(value: float) -> str:
+    """A time to a tenth of a second, and short ones, as of the states of a wave, to two digits."""
+    return f"{value:.1f}" if value >= 1 else f"{value:.2g}"
 
 
 def _row(use: Use) -> list[Text]:

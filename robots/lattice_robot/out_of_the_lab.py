@@ -13,6 +13,8 @@ from taichi_sim.base.compute import Compute
 if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
 
+DECIDES = "one with reflexes has no table of channels; it decides while it moves"
+
 
 class OutOfTheLab(Robot):
     """A lattice robot as hardware, printers and other simulators see it."""
@@ -32,10 +34,12 @@ class OutOfTheLab(Robot):
         """Why no rig plays it; empty if one can."""
         from robots.lattice_robot.on_rig import unplayed
 
-        robot = self.fixed
-        if robot.reflexes is not None:
-            return "one with reflexes has no table of channels; it decides while it moves"
-        return unplayed(robot)
+        return unplayed(self.fixed) if self.on_rigs else DECIDES
+
+    @property
+    def on_rigs(self) -> bool:
+        """Whether it does not decide on the way, as it does with reflexes."""
+        return not self.feels
 
     def table(self, *, rig: Any = None, full_scale: str | None = None, **settings: Any) -> Any:
         """Pressures of a rig's lines that play the channels.
@@ -49,11 +53,9 @@ class OutOfTheLab(Robot):
         from robots.hardware.rig import PneumaticRig
         from robots.lattice_robot.on_rig import full_scale_of, rhythm_of, waves_of
 
-        rig, robot = rig or PneumaticRig(), self.fixed
-        if robot.reflexes is not None:
-            raise ValueError(f"robot: {self.untabled}")
+        rig, robot = rig or PneumaticRig(), self._decided
         scale = None if full_scale is None else full_scale_of(full_scale)
-        return channel_table(self.fixed.name, waves_of(robot, rig, scale), rhythm_of(robot), rig, **settings)
+        return channel_table(robot.name, waves_of(robot, rig, scale), rhythm_of(robot), rig, **settings)
 
     def rig_report(self, rig: Any) -> tuple[Any, float]:
         """What its channels ask of the lines of a rig, and the time of the cycles in the simulation [s]."""
@@ -61,8 +63,15 @@ class OutOfTheLab(Robot):
         from robots.hardware.rig import PneumaticRig
         from robots.lattice_robot.on_rig import rhythm_of, waves_of
 
-        rig, robot = rig or PneumaticRig(), self.fixed
+        rig, robot = rig or PneumaticRig(), self._decided
         return channel_report(waves_of(robot, rig), rhythm_of(robot), rig), (robot.cycles + 1) / robot.frequency
+
+    @property
+    def _decided(self) -> "LatticeRobot":
+        """The robot with nothing free; raises ValueError if it decides on the way."""
+        if not self.on_rigs:
+            raise ValueError(f"robot: {DECIDES}")
+        return self.fixed
 
     def save_parts(self, path: Path, mould: str | None = None) -> list[str]:
         """Write surfaces for printers, or a mould, see ``robots.lattice_robot.printing``; tells what it wrote."""
