@@ -283,11 +283,12 @@ def _highest_frequency(
 def channel_report(waves: Sequence[Wave], rhythm: Rhythm, rig: PneumaticRig | None = None) -> RigReport:
     """What waves ask of a rig, the dissertation's if None; also of one that refuses them."""
     rig = rig or PneumaticRig()
-    line = timeline(_commands(waves, rhythm, rig, keep_slew=False), _without_waits(rig))
+    commands = _commands(waves, rhythm, rig, keep_slew=False)
+    line = timeline(commands, _without_waits(rig))
     lasting = [state.end_s - state.start_s for state in line.states][1 : rhythm.nodes + 1]
     states, playing = rhythm.nodes * (1 + rhythm.loops), sum(lasting) * (1 + rhythm.loops)
     shaping = line.states[0].end_s
-    return RigReport(uses_of(line, rig), shaping, playing, states, min(lasting), max(lasting))
+    return RigReport(uses_of(commands, line, rig), shaping, playing, states, min(lasting), max(lasting))
 
 
 def too_few_lines(channels: int, rig: PneumaticRig) -> str:

@@ -153,9 +153,10 @@ def rig_report(design: InflatableDesign, rig: PneumaticRig | None = None) -> Rig
     """
     rig = rig or PneumaticRig()
     columns, repeats = design.schedule.columns, design.schedule.repeats
-    line = timeline(commands_of(on_lines(design, rig), rig.line_map, rig.cores), rig)
+    commands = commands_of(on_lines(design, rig), rig.line_map, rig.cores)
+    line = timeline(commands, rig)
     lasting = [state.end_s - state.start_s for state in line.states]
     first, again = lasting[1 : columns + 1], lasting[columns + 1 : 2 * columns + 1]
     played = [*first, *again] if repeats > 1 else first
     playing = sum(first) + (repeats - 1) * sum(again)
-    return RigReport(uses_of(line, rig), lasting[0], playing, columns * repeats, min(played), max(played))
+    return RigReport(uses_of(commands, line, rig), lasting[0], playing, columns * repeats, min(played), max(played))

@@ -6,10 +6,8 @@ takes.
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from robots.hardware.rig import ROUNDING, Channel, PneumaticRig
-from robots.hardware.timeline import Timeline
+from robots.hardware.timeline import Commands, Timeline
 
 NEAR = 0.9  # of a limit
 EXCEEDED, AT_THE_LIMIT, NEAR_THE_LIMIT, WITHIN = "exceeded", "at the limit", "near the limit", "within"
@@ -77,11 +75,9 @@ class RigReport:
         return any(use.verdict == EXCEEDED for use in self.uses)
 
 
-def uses_of(line: Timeline, rig: PneumaticRig) -> tuple[Use, ...]:
-    """What commands over time ask of each channel of a rig; neighbours that are asked the same are one."""
-    steps = np.diff(line.times)
-    moving = steps > 0  # a section begins with the row that ends the one before
-    rates = np.abs(np.diff(line.pressures, axis=0)[moving] / steps[moving, None]).max(axis=0)
+def uses_of(commands: Commands, line: Timeline, rig: PneumaticRig) -> tuple[Use, ...]:
+    """What commands, and their rows over time, ask of each channel; neighbours that are asked the same are one."""
+    rates = commands.rates(rig).max(axis=0).round(12)  # strokes of different lengths differ in their last bits
     lowest, highest = line.pressures.min(axis=0), line.pressures.max(axis=0)
     uses: list[Use] = []
     for name, *one in zip(

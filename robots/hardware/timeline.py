@@ -96,6 +96,10 @@ class Commands:
         times = rig.stroke_times(steps) * self.portions
         return np.maximum(times, rig.least_times(steps)) if keep_slew else times
 
+    def rates(self, rig: PneumaticRig) -> Floats:
+        """How fast pressures change as the rig's times tell [kPa/s], shape (S, L); free of the rounding of rows."""
+        return np.abs(self.targets - self.before) / self.strokes(rig, keep_slew=False)
+
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
@@ -211,7 +215,7 @@ def violations(commands: Commands, states: Sequence[State], rig: PneumaticRig) -
     """
     found: list[Violation] = []
     unit, factor = UNIT_SPELLING[rig.units], KPA_PER_UNIT[rig.units]
-    before, rates = commands.before, np.abs(commands.targets - commands.before) / commands.strokes(rig, False)
+    before, rates = commands.before, commands.rates(rig)
     for place, index in np.argwhere(commands.targets != before):
         name, channel, start = rig.channel_names[index], rig.channels[index], states[place].start_s
         first, last, rate = (float(each[place, index]) for each in (before, commands.targets, rates))

@@ -50,10 +50,8 @@ def test_a_rig_of_own_lines_plays_designed_drives(morpholab, reported, tmp_path)
     RIG.save(tmp_path / "two.toml")
     text, design = reported(crawler(), "--rig two.toml")
     assert "On the pneumatic rig" in text and "It keeps every limit of this rig." in text
-    assert not design["rig"]["exceeded"] and {n for c in design["rig"]["channels"] for n in c["names"]} <= {
-        "left",
-        "right",
-    }
+    names = {name for channel in design["rig"]["channels"] for name in channel["names"]}
+    assert not design["rig"]["exceeded"] and names == {"left", "right"}
     assert "states of 0.031 s each" in text  # a sixteenth of a cycle
     assert morpholab("export a --csv gait.csv --rig two.toml")[0] == 0
     text, design = reported(crawler())

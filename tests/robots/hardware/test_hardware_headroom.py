@@ -7,7 +7,7 @@ import pytest
 
 from robots.hardware import CHANNELS, PneumaticRig, RigViolation, gait_table
 from robots.hardware.gait_commands import rig_report
-from robots.inflatable import INCHING, ROLLING
+from robots.inflatable import INCHING, ROLLING, GaitSchedule, InflatableDesign
 
 RIG = PneumaticRig()
 
@@ -57,3 +57,25 @@ def test_the_rig_refuses_exactly_what_exceeds_a_limit(limit, verdict, share):
             gait_table(ROLLING, rig)
     else:
         gait_table(ROLLING, rig)
+
+
+def third_of_a_stroke() -> InflatableDesign:
+    """A gait of which one bladder fills to a third, then wholly, and is emptied."""
+    levels = np.ones((10, 3))
+    levels[:8] = 0.0
+    levels[0] = 1 / 3, 0.0, 1.0
+    return InflatableDesign(0.0, 90.0, GaitSchedule(levels, 2))
+
+
+@pytest.mark.parametrize(
+    ("design", "seconds", "slew"),
+    [(third_of_a_stroke(), 1.0, 20.0), (ROLLING, 1 / 3, 60.0), (INCHING, 0.7, 20.0 / 0.7)],
+)
+def test_strokes_exactly_at_the_limit_of_rate_are_allowed(design, seconds, slew):
+    """Rows have times of whole microseconds; strokes that they shorten by less are not too fast."""
+    bladder = replace(RIG.channels[1], rise_s=seconds, fall_s=seconds, slew_kpa_per_s=slew)
+    rig = replace(RIG, channels=(RIG.channels[0], *[bladder] * 8, *RIG.channels[9:]))
+    found = rig_report(design, rig)
+    verdicts = {name: use.verdict for use in found.uses for name in use.names}
+    assert not found.exceeded and verdicts["bladder1"] == "at the limit"
+    assert gait_table(design, rig).clipped == ()
