@@ -63,7 +63,9 @@ def lattice_robot_motion(
         Node(f"{'' if v < own.voxel_count else 'prop '}voxel {v}", CUBE, look.colour, look.channel, look.foot)
         for v, look in enumerate(looks)
     ]
-    seen = voxel_motion(name, result.frames[place], body, 0, nodes, driven, terrain, robot.heading, travelling=own)
+    frames = result.frames[place]
+    pressure = 0.0 if frames is None else _pressure(robot, frames.times)
+    seen = voxel_motion(name, frames, body, 0, nodes, driven, terrain, robot.heading, pressure, travelling=own)
     if driven:
         seen = dataclasses.replace(seen, period=1 / robot.frequency)
     if light is None:
@@ -98,6 +100,21 @@ def _driven(robot: "LatticeRobot") -> tuple[list[Channel], dict[int, _Look]]:
                 looks[region] = _Look(colour, len(driven), foot)
             driven.append(channel)
     return driven, looks
+
+
+def _pressure(robot: "LatticeRobot", times: Floats) -> float | Floats:
+    """Pressure in each voxel at F times [Pa], shape (V,), or (F, V) where it changes; without what reflexes add."""
+    pressed = [number for number, drive in enumerate(robot.drives) if drive.quantity == "pressure"]
+    if rests(robot) or not pressed:
+        return 0.0
+    waves, regions = robot.nodes(robot.start[None]), np.asarray(robot.body.regions)
+    at, found = times / (robot.cycle.segment * robot.cycle.time_step), np.zeros((len(times), len(regions)))
+    for number in pressed:
+        each = np.asarray(waves[number][0], float)[0]
+        for region, wave in zip(robot.drives[number].regions, each, strict=True):
+            now: Floats = np.interp(at, np.arange(SEGMENTS), wave, period=SEGMENTS)
+            found[:, regions == region] = now[:, None]
+    return found if np.ptp(found, axis=0).any() else found[0]
 
 
 def _channels(robot: "LatticeRobot", drive: Drive, waves: Floats, colour: Colour) -> list[tuple[Channel, list[int]]]:

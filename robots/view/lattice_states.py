@@ -27,7 +27,7 @@ class LatticeStates:
         orientations: quaternions (w, x, y, z), shape (F, V, 4).
         extents: distances from each voxel's centre to its sides -x, +x, -y, ... [m], shape (F, V, 6).
         sizes: rest sizes of the voxels along their own axes [m], shape (F, V, 3).
-        pressure: on the body's pressurised faces [Pa], one or shape (V,).
+        pressure: on the body's pressurised faces [Pa], one or shape (V,), or (F, V) where it changes.
         relief: uneven ground below; None for the flat floor z = -h/2 (h: the voxel size).
     """
 
@@ -41,7 +41,8 @@ class LatticeStates:
 
     def part(self, frames: Ints | Sequence[int]) -> Self:
         """Copy with only some of the frames."""
-        several = ("positions", "orientations", "extents", "sizes")
+        several: tuple[str, ...] = ("positions", "orientations", "extents", "sizes")
+        several += ("pressure",) if np.ndim(self.pressure) == 2 else ()
         return replace(self, **{name: getattr(self, name)[frames] for name in several})
 
     def strains(self) -> Floats:
@@ -109,4 +110,5 @@ class LatticeStates:
         side = 2 * axes + (normals[voxels, axes] > 0)
         face = corners(*pose)[voxels[:, None], FACE_CORNERS[side]]
         area = np.cross(face[:, 1] - face[:, 0], face[:, 3] - face[:, 0])
-        return face.mean(axis=1), np.broadcast_to(self.pressure, len(normals))[voxels, None] * area
+        pressure = np.broadcast_to(self.pressure, self.positions.shape[:2])[frame]
+        return face.mean(axis=1), pressure[voxels, None] * area

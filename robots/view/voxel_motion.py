@@ -49,7 +49,7 @@ def voxel_motion(
         channels: rows of the timeline before distance and speed.
         terrain: terrain of the robot; flat ground by default.
         heading: direction in which distance counts, one or one per frame [degrees].
-        pressure: pressure on the body's pressurised faces [Pa], one or one per voxel.
+        pressure: pressure on the body's pressurised faces [Pa], one or one per voxel, or shape (F, V).
         travelling: body whose path is followed, made of the first voxels of ``body``; by default the whole body.
 
     Raises:
@@ -63,6 +63,7 @@ def voxel_motion(
     path = mean_of_face_corners(own, *(each[:, : own.voxel_count] for each in (places, turns, extents)))
     times = frames.times[:last]
     headings = np.broadcast_to(heading, len(frames.times))[:last]
+    pressed = np.asarray(pressure)[:last] if np.ndim(pressure) == 2 else pressure
     middles = places + rotate(turns, (extents[..., 1::2] - extents[..., 0::2]) / 2)
     sizes = extents[..., 1::2] + extents[..., 0::2]
     if terrain is not None and terrain.is_fluid:
@@ -80,7 +81,7 @@ def voxel_motion(
         (*channels, *speed_channels(times, way_ahead(path, np.deg2rad(headings[1:])))),
         ground=ground,
         skin=Skin(knots(body), body.topology.faces),
-        lattice=LatticeStates(body, places, turns, extents, rest, pressure, ground.relief),
+        lattice=LatticeStates(body, places, turns, extents, rest, pressed, ground.relief),
         centre_of_mass=np.average(places[:, : own.voxel_count], axis=1, weights=_masses(own)),
     )
 
