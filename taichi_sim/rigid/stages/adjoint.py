@@ -41,10 +41,11 @@ from taichi_sim.rigid.stages.arguments import (
     moving_slots,
     shifted_slots,
 )
-from taichi_sim.rigid.stages.articulated import assemble, collect, row_impulse, solve_base, spread
+from taichi_sim.rigid.stages.articulated import assemble, collect, solve_base, spread
 from taichi_sim.rigid.stages.contact import apply_normals, fill_matrix, reduce_points, solve_members
 from taichi_sim.rigid.stages.control import commanded
 from taichi_sim.rigid.stages.motion import common_motion
+from taichi_sim.rigid.stages.rows import row_impulse
 from taichi_sim.rigid.stages.spatial import Reals
 from taichi_sim.rigid.stages.water import undo_immerse
 from taichi_sim.runtime import ti

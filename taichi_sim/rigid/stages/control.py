@@ -1,7 +1,7 @@
 """Sensors, neurons, and the rates and impulses that motors and stops of hinges ask for."""
 
 from taichi_sim.autodiff.elementary import hyperbolic_tangent
-from taichi_sim.autodiff.lanes import larger, smaller
+from taichi_sim.autodiff.lanes import smaller
 from taichi_sim.autodiff.tracing import select
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import (
@@ -17,6 +17,7 @@ from taichi_sim.rigid.memory import (
 )
 from taichi_sim.rigid.stages import laws
 from taichi_sim.rigid.stages.arguments import eye_slots, hinge_slots
+from taichi_sim.rigid.stages.rows import keep_way
 from taichi_sim.runtime import ti
 
 
@@ -84,16 +85,3 @@ def command_hinges(robots: ti.template()):
                 absent = ((mode > 0.5) & (high >= slots.NO_STOP)) | ((mode < -0.5) & (low <= 0.0 - slots.NO_STOP))
                 write(robots, body + slots.MODES + phase, select(absent, 0.0 * mode, mode))
                 keep_way(robots, body, phase)
-
-
-@ti.func
-def keep_way(robots: ti.template(), body, phase):
-    """Keep the way in which a hinge with friction turned, unless its drive wants otherwise; others turn freely."""
-    mode, way = read(robots, body + slots.MODES + phase), read(robots, body + slots.WAYS + phase)
-    servo, target, none = read(robots, body + slots.SERVO), read(robots, body + slots.TARGET), 0.0 * way
-    low, high = read(robots, body + slots.LOW), read(robots, body + slots.HIGH)
-    ahead = select(servo >= 0.0, larger(target - high, none) + smaller(target - low, none), target)
-    front, rear = (ahead > 0.0) & (way < -0.5) & (mode < 0.5), (ahead < 0.0) & (way > 0.5) & (mode > -0.5)
-    neither = (ahead >= 0.0) & (ahead <= 0.0) & (mode * way > select(servo >= 0.0, none + 0.5, none - 0.5))
-    kept = select(front | rear | neither, none, way)
-    write(robots, body + slots.WAYS + phase, select(read(robots, body + slots.RUBBING) > 0.0, kept, none + 1.0))

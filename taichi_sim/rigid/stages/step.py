@@ -10,7 +10,7 @@ from taichi_sim.autodiff.tracing import select
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import body_at, read, row, setting, write
 from taichi_sim.rigid.stages import spatial
-from taichi_sim.rigid.stages.articulated import assemble, collect, repeat_rows, solve_base, spread, switch_rows
+from taichi_sim.rigid.stages.articulated import assemble, collect, solve_base, spread
 from taichi_sim.rigid.stages.contact import (
     apply_normals,
     choose_members,
@@ -23,6 +23,7 @@ from taichi_sim.rigid.stages.contact import (
 from taichi_sim.rigid.stages.control import clear_touch, command_hinges, sense_light, think
 from taichi_sim.rigid.stages.friction import rub
 from taichi_sim.rigid.stages.motion import gather_momentum, place_bodies
+from taichi_sim.rigid.stages.rows import repeat_rows, switch_rows
 from taichi_sim.rigid.stages.sand import limit_normals
 from taichi_sim.rigid.stages.water import immerse
 from taichi_sim.runtime import ti
