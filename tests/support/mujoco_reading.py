@@ -172,7 +172,8 @@ class Pair:
             limits.append(abs(gear) * self.theirs.actuator_forcerange[command, 1])
         if self.theirs.jnt_actfrclimited[joint]:
             limits.append(self.theirs.jnt_actfrcrange[joint, 1])
-        offset = gear * gain * (low + high) / 2 + gear**2 * by_length * rest
+        constant = bias[0] * (self.theirs.actuator_biastype[command] == mujoco.mjtBias.mjBIAS_AFFINE)
+        offset = gear * (gain * (low + high) / 2 + constant) + gear**2 * by_length * rest
         law = gear * gain * (high - low) / 2, gear**2 * by_length, offset, -(gear**2) * by_velocity
         return law, min(limits) if min(limits) < np.inf else None
 

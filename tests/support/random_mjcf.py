@@ -173,7 +173,11 @@ class Draw:
         elif kind == "velocity":
             text += self.maybe(0.7, f'kv="{self.rng.uniform(1, 5):.6g}"')
         elif kind == "general":
-            text += self.maybe(0.5, 'gainprm="7 1"') + self.maybe(0.5, 'biastype="affine" biasprm="0 -7 -0.3"')
+            if default:
+                text += self.maybe(0.5, 'gainprm="7 1"') + self.maybe(0.5, 'biastype="affine" biasprm="0 -7 -0.3"')
+            else:
+                bias = self.pick("0 -7 -0.3", "0.4 -3 0", "0 -7 0.6", "0 0 -0.5")
+                text += f' gainprm="7 1" biastype="{self.pick("none", "affine")}" biasprm="{bias}"'
         return text + ("" if default else self.maybe(0.3, f'class="{self.pick(*self.classes)}"')) + "/>"
 
     def defaults(self, depth=0):
@@ -213,7 +217,7 @@ class Draw:
         base = self.pick("free", "free", "fixed", "hinged")
         body = self.body(0, base == "free", base == "hinged")
         tail = "".join(
-            self.actuator(self.pick("position", "velocity", "motor"), f' joint="{name}"', limited)
+            self.actuator(self.pick("position", "velocity", "motor", "general"), f' joint="{name}"', limited)
             for name, driven, limited in self.joints
             if driven
         )

@@ -71,7 +71,7 @@ class Lump:
         """Combine two masses into one (parallel axis theorem)."""
         mass = self.mass + other.mass
         if mass == 0:
-            return self
+            return replace(self, inertia=self.inertia + other.inertia)  # which a file may bound from below
         centre = (self.mass * self.centre + other.mass * other.centre) / mass
         inertia = self.inertia + other.inertia
         for part in (self, other):

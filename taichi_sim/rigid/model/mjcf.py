@@ -111,6 +111,9 @@ class MjcfReader:
         for tag in ("contact", "actuator", "sensor"):
             for section in self.root.iterfind(tag):
                 checked(section)
+        for sensor in self.root.iterfind("sensor/*"):
+            if len(sensor) and sensor.tag != "plugin":
+                raise ValueError(f"{named(sensor)}: <{sensor[0].tag}> is not allowed in it; leave it out")
         excludes = [checked(each) for each in self.root.iterfind("contact/exclude")]
         pairs = [{each.get("body1", ""), each.get("body2", "")} for each in excludes]
         for name in set().union(*pairs) - self.bodies:

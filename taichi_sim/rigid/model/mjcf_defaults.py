@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
 from taichi_sim.rigid.model.mjcf_schema import ATTRIBUTES, DRIVES, OTHER_DRIVES, OTHER_TURNS, TRANSMISSIONS, checked
-from taichi_sim.rigid.model.xml_values import named, numbers
+from taichi_sim.rigid.model.xml_values import named, number, numbers
 
 _OWN = ("name", "class", "joint")
 _ALONE = (*_OWN, *(name for name in TRANSMISSIONS if name != "cranklength"), "lengthrange")  # what classes cannot have
 _CHECKED = ("geom", "joint", "site", *DRIVES)  # of others the attributes are not read
+_AFFINE = {"gaintype": "fixed", "biastype": "affine"}
 _Class = dict[str, dict[str, str]]  # attributes, by tag; those of actuators are under "actuator"
 
 
@@ -82,14 +83,14 @@ class Defaults:
             ValueError: for other kinds, or defaults of other kinds.
         """
         inherited = self.classes[self.named(element.get("class", "main"), element)].get("actuator", {})
-        if element.tag not in DRIVES[1:]:
+        if element.tag not in DRIVES:
             return element
         settings = _of_actuator(checked(element), inherited)
         if "of" in settings:
             raise ValueError(
                 f"{named(element)}: defaults of <{settings['of']}> are not allowed for it; give it a class without them"
             )
-        if element.tag != "position":
+        if element.tag not in ("position", "general"):
             for name in ("dampratio", "dyntype", "inheritrange", "timeconst"):
                 settings.pop(name, None)
         return Element(element.tag, {**{each: element.get(each, "") for each in _OWN}, **settings})
@@ -110,7 +111,8 @@ def _over(element: Element, inherited: dict[str, str]) -> dict[str, str]:
 def _of_actuator(element: Element, inherited: dict[str, str]) -> dict[str, str]:
     """Settings of an actuator over inherited ones, as one kind leaves them to another.
 
-    A position's ``kp`` and a velocity's ``kv`` are the same number, its gain; a position's ``kv`` is its drag.
+    A position's ``kp`` and a velocity's ``kv`` are the same number, its gain; a position's ``kv`` is its drag. The
+    first numbers of a bias are ``constant`` and ``by_length``.
     """
     found = dict(inherited)
     given = {name: text for name, text in element.items() if name not in _OWN and name in ATTRIBUTES["position"]}
@@ -119,7 +121,7 @@ def _of_actuator(element: Element, inherited: dict[str, str]) -> dict[str, str]:
     if element.tag in OTHER_DRIVES:
         found["of"] = element.tag
     elif element.tag == "motor":
-        found["kp"] = "1"
+        found |= {"kp": "1", "biastype": "none", "gaintype": "fixed"}
         found.pop("of", None)
     elif element.tag == "position":
         if drag is not None and ratio is not None:
@@ -131,9 +133,11 @@ def _of_actuator(element: Element, inherited: dict[str, str]) -> dict[str, str]:
         if ratio is not None:
             found["dampratio"] = ratio
             found.pop("kv", None)
+        found |= {"constant": "0", "by_length": repr(-number(Element(element.tag, found), "kp")), **_AFFINE}
     elif element.tag == "velocity":
         found["kp"] = found["kv"] = found.get("kp", "1") if drag is None else drag
         found.pop("dampratio", None)
+        found |= {"constant": "0", "by_length": "0", **_AFFINE}
     else:
         _general(element, found)
     return found
@@ -143,10 +147,13 @@ def _general(element: Element, found: dict[str, str]) -> None:
     """Write what a general actuator leaves to others into settings: its gain and its drag, a negative bias."""
     if "gainprm" in element.attrib:
         found["kp"] = repr(float(numbers(element, "gainprm")[0]))
-    if "biasprm" in element.attrib and len(bias := numbers(element, "biasprm")) > 2:
-        found["kv"] = repr(max(0.0, -float(bias[2])))
+    bias = numbers(element, "biasprm").tolist() if "biasprm" in element.attrib else []
+    found |= {name: repr(value) for name, value in zip(("constant", "by_length"), bias, strict=False)}
+    if len(bias) > 2:
+        found["kv"] = repr(max(0.0, -bias[2]))
         found.pop("dampratio", None)
         if bias[2] > 0:  # MuJoCo takes it for a ratio
-            found["dampratio"] = repr(float(bias[2]))
+            found["dampratio"] = repr(bias[2])
+    found |= {name: element.attrib[name] for name in ("gaintype", "biastype") if name in element.attrib}
     if element.get("dyntype", "none") != "none":
         found["dyntype"] = "1"

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from taichi_sim.rigid.model.mjcf_compiler import Compiler
-from taichi_sim.rigid.model.mjcf_schema import DRIVE_NOTES
+from taichi_sim.rigid.model.mjcf_schema import BIASES, DRIVE_NOTES, DRIVES, GAINS
 from taichi_sim.rigid.model.tree import Motor, Passive, Servo
 from taichi_sim.rigid.model.xml_values import keyword, named, not_negative, number, numbers
 
@@ -48,7 +48,7 @@ def drive(
     Commands from -1 to 1 cover the actuator's range.
 
     Args:
-        actuator: element of a position, velocity or motor actuator.
+        actuator: element of a position, velocity, motor or general actuator.
         span: smallest and largest angle of the hinge [rad].
         rest: its angle at rest [rad].
         passive: its damper and spring.
@@ -59,8 +59,8 @@ def drive(
         ValueError: for other actuators, or if a range is missing or that of forces is not symmetric.
     """
     gear = float(numbers(actuator, "gear", "1")[0])
-    if actuator.tag not in ("position", "velocity", "motor") or gear == 0:
-        raise ValueError(f"{named(actuator)}: not allowed; give position, velocity or motor, with a gear")
+    if actuator.tag not in DRIVES or gear == 0:
+        raise ValueError(f"{named(actuator)}: not allowed; give {', '.join(DRIVES)}, with a gear")
     if abs(gear) > _MOST_GEAR:
         raise ValueError(f"{named(actuator)}: gear {gear:g} is not allowed; give at most {_MOST_GEAR:g}")
     limited = compiler.limits(actuator, "forcerange", "forcelimited") is not None
@@ -70,36 +70,61 @@ def drive(
         compiler.limits(actuator, "ctrlrange", "ctrllimited")
     elif told == "auto" and not compiler.automatic:
         raise ValueError(f"{named(actuator)}: inheritrange is not allowed without ctrllimited; give it, or autolimits")
-    ignored = (name for name in DRIVE_NOTES if name != "dampratio" or ideal.speed is not None)
-    also = [f"{name} of drives" for name in ignored if numbers(actuator, name, "0").any()]
-    if actuator.tag == "motor":
-        return _motor(actuator, gear, torque, ideal), also
     low, high = _range(actuator, span, gear)
-    middle, half = (low + high) / 2 / gear, (high - low) / 2 / gear
-    if actuator.tag == "velocity":
-        gain = gear * gear * _gain(actuator, "kv", "1")
-        if ideal.fastest is not None:
-            return Motor(_least(torque, abs(gain * 2 * half)), half, 0.0, middle), also
-        return Servo(gain * half, 0.0, gain * middle, gain, torque), also
-    if (farthest := max(abs(low), abs(high)) / abs(gear)) > WHOLE_TURN:
+    servo = _servo(actuator, gear, (low, high), rest, torque)
+    held = ideal.fastest if servo.by_angle == 0 else ideal.speed
+    ignored = (name for name in DRIVE_NOTES if name != "dampratio" or held is not None)
+    also = [f"{name} of drives" for name in ignored if numbers(actuator, name, "0").any()]
+    if actuator.tag == "position" and (farthest := max(abs(low), abs(high)) / abs(gear)) > WHOLE_TURN:
         also.append(f"that position drives may be told {farthest:g} rad, as ctrlrange is in radians")
-    gain, drag = gear * gear * _gain(actuator, "kp", "1"), gear * gear * _gain(actuator, "kv", "0")
-    if ideal.speed is None:
-        ratio = _gain(actuator, "dampratio", "0")
-        return Servo(gain * half, -gain, gain * (middle - rest), drag, torque, ratio), also
-    lost = drag + passive.damping
-    eagerness = min(gain / lost if lost > 0 else ideal.speed, ideal.quickest)
-    strongest = _least(torque, abs(gain * 2 * half))
-    return Motor(strongest, eagerness * half, -eagerness, eagerness * (middle - rest)), also
+    if held is None:
+        return servo, also
+    return _holding(servo, passive, ideal), also
 
 
-def _motor(actuator: Element, gear: float, torque: float | None, ideal: Ideal) -> Motor | Servo:
-    """A torque motor, or one that holds rates with the torque of its range, which is then symmetric."""
-    if ideal.fastest is not None:
-        largest = abs(gear) * symmetric(actuator, "ctrlrange")
-        return Motor(_least(torque, largest), float(np.sign(gear)) * ideal.fastest)
-    low, high = _range(actuator, None, gear)
-    return Servo(gear * (high - low) / 2, 0.0, gear * (high + low) / 2, 0.0, torque)
+def _servo(actuator: Element, gear: float, ends: tuple[float, float], rest: float, torque: float | None) -> Servo:
+    """The torque of an actuator by its control, between two ends, and by the angle and the rate of its hinge."""
+    middle, half = sum(ends) / 2, (ends[1] - ends[0]) / 2
+    if actuator.tag == "motor":
+        return Servo(gear * half, 0.0, gear * middle, 0.0, torque)
+    constant, by_length, drag, ratio = 0.0, 0.0, 0.0, 0.0
+    if actuator.tag == "velocity":
+        gain = drag = _gain(actuator, "kv", "1")
+    elif actuator.tag == "position":
+        gain, drag, ratio = (_gain(actuator, *each) for each in (("kp", "1"), ("kv", "0"), ("dampratio", "0")))
+        by_length = -gain
+    else:
+        gain = number(actuator, "kp", "1")
+        kinds = keyword(actuator, "gaintype", "fixed", *GAINS), keyword(actuator, "biastype", "none", *BIASES)
+        if kinds[0] != "fixed" or kinds[1] not in ("none", "affine"):
+            raise ValueError(
+                f"{named(actuator)}: its gaintype or biastype is not allowed; give fixed, and none or affine"
+            )
+        if kinds[1] == "affine":
+            constant, by_length = number(actuator, "constant", "0"), number(actuator, "by_length", "0")
+            drag, ratio = number(actuator, "kv", "0"), number(actuator, "dampratio", "0")
+        if by_length > 0 or (ratio > 0 and gain != -by_length):
+            raise ValueError(f"{named(actuator)}: a bias that grows with angle or rate is not allowed; give at most 0")
+    by_angle, by_rate = gear * gear * by_length, gear * gear * drag
+    return Servo(
+        gear * gain * half, by_angle, gear * (gain * middle + constant) + by_angle * rest, by_rate, torque, ratio
+    )
+
+
+def _holding(servo: Servo, passive: Passive, ideal: Ideal) -> Motor:
+    """The drive that holds, as far as the torque of its range goes, the rate at which a servo's law gives none."""
+    if servo.by_angle == 0 and servo.by_rate == 0:
+        assert ideal.fastest is not None
+        largest = _least(servo.torque, abs(servo.by_command) + abs(servo.offset))
+        return Motor(largest, float(np.sign(servo.by_command)) * ideal.fastest)
+    strongest = _least(servo.torque, abs(2 * servo.by_command))
+    if servo.by_angle == 0:
+        return Motor(strongest, servo.by_command / servo.by_rate, 0.0, servo.offset / servo.by_rate)
+    assert ideal.speed is not None
+    lost = servo.by_rate + passive.damping
+    eagerness = min(-servo.by_angle / lost if lost > 0 else ideal.speed, ideal.quickest)
+    per_angle = eagerness / -servo.by_angle
+    return Motor(strongest, per_angle * servo.by_command, -eagerness, per_angle * servo.offset)
 
 
 def _least(torque: float | None, largest: float) -> float:

@@ -131,6 +131,8 @@ _INTEGERS = ("conaffinity", "condim", "contype", "group", "priority")
 _AUTO, _TRUE, _FALSE = ("auto", "true", "false"), ("true", "false"), ("false", "true")
 _KINDS_OF_JOINTS = ("hinge", "free", "ball", "slide")
 _KINDS_OF_SOLIDS = ("sphere", "capsule", "box", "cylinder", "ellipsoid", "hfield", "mesh", "plane", "sdf")
+BIASES = ("none", "affine", "muscle", "dcmotor", "so3", "user")
+GAINS = ("fixed", "affine", "muscle", "dcmotor", "so3", "pid", "user")
 _WORDS = {  # that attributes hold one of
     **dict.fromkeys(("actuatorfrclimited", "actlimited", "ctrllimited", "forcelimited", "limited"), _AUTO),
     **dict.fromkeys(("autolimits", "usethread"), _TRUE),
@@ -143,8 +145,8 @@ _WORDS = {  # that attributes hold one of
     ),
     **dict.fromkeys(("align", "inertiafromgeom"), _AUTO),
     "angle": ("degree", "radian"),
-    "biastype": ("none", "affine", "muscle", "dcmotor", "so3", "user"),
-    "gaintype": ("fixed", "affine", "muscle", "dcmotor", "so3", "pid", "user"),
+    "biastype": BIASES,
+    "gaintype": GAINS,
     "dyntype": ("none", "integrator", "filter", "filterexact", "muscle", "dcmotor", "pid", "user"),
     "coordinate": ("local", "global"),
     "fluidshape": ("none", "ellipsoid"),

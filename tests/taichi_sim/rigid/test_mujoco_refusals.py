@@ -218,7 +218,11 @@ NOT_SUPPORTED = {
     "a total mass": (ball(head='<compiler settotalmass="3"/>'), "`settotalmass`"),
     "a shell": (ball('size="1" shellinertia="true"'), "`shellinertia`"),
     "an unknown axis": (ball(head='<compiler eulerseq="abc"/>'), "`eulerseq`"),
-    "a general actuator": (leg(actuator='<general joint="hip" ctrlrange="-1 1"/>'), "other actuators"),
+    "a muscle's gain": (leg(actuator='<general joint="hip" ctrlrange="-1 1" gaintype="user"/>'), "other actuators"),
+    "a bias that pushes": (
+        leg(actuator='<general joint="hip" ctrlrange="-1 1" biastype="affine" biasprm="0 2 0"/>'),
+        "biases that grow with angle or rate",
+    ),
     "a muscle": (leg(actuator='<muscle joint="hip" lengthrange="0 1"/>'), "other actuators"),
     "two actuators": (leg(actuator='<motor joint="hip" ctrlrange="-1 1"/>' * 2), "several on a hinge"),
     "an actuator of a body's own frame": (

@@ -511,7 +511,7 @@ BAD = {
     ),
     "a muscle": (
         with_joint('<joint name="k"/>').replace("</mujoco>", '<actuator><muscle joint="k"/></actuator></mujoco>'),
-        "muscle: not allowed; give position, velocity or motor",
+        "muscle: not allowed; give general, motor, position, velocity",
     ),
     "a drive without a range": (
         with_joint('<joint name="k"/>').replace("</mujoco>", '<actuator><motor joint="k"/></actuator></mujoco>'),
