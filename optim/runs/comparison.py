@@ -317,8 +317,14 @@ def _labels(groups: Sequence[Sequence[History]]) -> list[str]:
         differing = [n for n, others in rivals.items() if len({json.dumps(each.get(n)) for each in others}) > 1]
         own = [f"{name.rpartition('.')[2]} {settings[name]}" for name in differing]
         label = ", ".join([settings["method.name"], *own])
-        labels.append(label if len(label) <= 50 else f"{settings['method.name']} ({group[0].path.name})")
+        labels.append(label if len(label) <= 50 else f"{settings['method.name']} ({_folder_of(group)})")
     return labels
+
+
+def _folder_of(group: Sequence[History]) -> str:
+    """Name of the folder of a group of runs: that of all seeds, if it has several."""
+    parents = {history.path.parent for history in group}
+    return (parents.pop() if len(group) > 1 and len(parents) == 1 else group[0].path).name
 
 
 def _difference(label: str, groups: Mapping[tuple[str | None, str], Sequence[History]]) -> str:

@@ -1,5 +1,6 @@
 """Which units comparisons count: runs, or climbers where each is a sample of its own."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -49,3 +50,16 @@ def test_a_climber_is_charged_its_own_evaluations():
     whole = curves([few, history("b", "race")], "evaluations")
     assert whole[0].x.tolist() == [30.0, 60.0] and spoken_axis(whole, "evaluations") == "evaluations"
     assert curves([few, many], "generations")[1].x.tolist() == [0.0, 1.0]
+
+
+def test_groups_that_settings_would_tell_at_length_have_the_names_of_their_folders():
+    """Those of several seeds have that of the folder of all, as each begins with a run called seed-0."""
+
+    def run(folder, seed):
+        base = history("a", "race", SCORES["a"] if seed else SCORES["b"])
+        config = {**base.config, "seed": seed, "problem": {"a setting": f"with a value that is long enough, {folder}"}}
+        return replace(base, path=Path(folder) / f"seed-{seed}", config=config)
+
+    runs = [run(folder, seed) for folder in ("legs", "none") for seed in range(2)]
+    assert [curve.label for curve in curves(runs, "generations")] == ["race (legs)", "race (none)"]
+    assert [curve.label for curve in curves(runs[1:3], "generations")] == ["race (seed-1)", "race (seed-0)"]
