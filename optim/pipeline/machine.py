@@ -83,6 +83,11 @@ def change_name(pair: tuple[str, str]) -> str:
     return f"{pair[0]}-to-{pair[1]}"
 
 
+def entry_name(pair: tuple[str, str]) -> str:
+    """The name of the table that leads from a state, or the change from it, into the gait of another."""
+    return f"{change_name(pair)}-entry"
+
+
 def _change(pair: tuple[str, str], change: Change | None, entry: str) -> dict[str, Any]:
     own: dict[str, Any] = {"from": pair[0], "to": pair[1], "on": None, "gait": None, "table": None, "entry": entry}
     if change is None:

@@ -3,8 +3,10 @@
 The report says what was chosen and why, how fast it is, how shapes change.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ import numpy as np
 
 from optim.experiments.results import write_json
 from optim.pipeline.changes import Change, Crossing
-from optim.pipeline.machine import MACHINE, RULES, change_name, machine_document
+from optim.pipeline.machine import MACHINE, RULES, change_name, entry_name, machine_document, read_machine
 from optim.pipeline.plans import Plan, core_of
 from optim.pipeline.tables import RIG, package_tables
 from optim.pipeline.task import PipelineTask
@@ -101,7 +103,7 @@ def _mean_and_deviation(speeds: Floats) -> list[float | None]:
 def write_package(package: Package, folder: Path) -> list[str]:
     """Write the package in place of an earlier one, and list its files; raises ValueError if the rig refuses a table.
 
-    Then nothing is written.
+    Then nothing is written. Files of the earlier one that this one lacks are deleted last, and no others.
     """
     from robots.inflatable.view.motion import journey_motion
     from robots.inflatable.view.picture import save_motion_picture
@@ -111,6 +113,7 @@ def write_package(package: Package, folder: Path) -> list[str]:
     task, written = package.task, [RIG]
     shapes = {pair: change.design if change else None for pair, change in package.changes.items()}
     tables = package_tables(package.states, shapes, task)
+    earlier = _possible_files([*_states_of(folder), *(state.name for state in package.states)])
     for name in FOLDERS:
         (folder / name).mkdir(parents=True, exist_ok=True)
     designs = {state.name: state.design for state in package.states}
@@ -138,7 +141,29 @@ def write_package(package: Package, folder: Path) -> list[str]:
     write_json(folder / MACHINE, machine_document(package.states, package.changes, tables.entries, task))
     write_json(folder / NUMBERS, package.numbers())
     write_text(folder / REPORT, report_page(package, folder, tables.entries))
+    for name in earlier.difference(written):
+        (folder / name).unlink(missing_ok=True)
     return [*written, MACHINE, NUMBERS, REPORT]
+
+
+def _states_of(folder: Path) -> list[str]:
+    """Names of the states of the package in a folder; none if there is none, or a damaged one."""
+    with suppress(ValueError):
+        return [state["name"] for state in read_machine(folder)["states"]]
+    return []
+
+
+def _possible_files(states: Iterable[str]) -> set[str]:
+    """Files that packages with these states may have or lack, by what is planned; names that are paths have none."""
+    names = {name for name in states if Path(name).name == name}
+    changes = [change_name(pair) for pair in permutations(names, 2)]
+    entries = [entry_name(pair) for pair in permutations(names, 2)]
+    return {
+        *(f"gaits/{name}.json" for name in [*names, *changes]),
+        *(f"tables/{name}.csv" for name in [*names, *changes, *entries]),
+        *(f"pictures/{name}.png" for name in names),
+        *(PLAYER, RIG_FILE),
+    }
 
 
 def report_page(package: Package, folder: Path, entries: Mapping[tuple[str, str], str]) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from optim.pipeline.handover import Handover, handover, handover_faults
-from optim.pipeline.machine import change_name, entry_of, read_machine
+from optim.pipeline.machine import change_name, entry_name, entry_of, read_machine
 from optim.pipeline.task import FOUND, PipelineTask
 from optim.pipeline.trials import State
 from robots.hardware import PRESETS, GaitTable, PneumaticRig, gait_table, read_csv
@@ -41,7 +41,7 @@ def package_tables(
             raise ValueError(f"tables: {' to '.join(pair)}: {faults[0]}")
         if made.change is not None:
             files[change_name(pair)] = made.change
-        entries[pair] = pair[1] if made.entry.start is None else f"{change_name(pair)}-entry"
+        entries[pair] = pair[1] if made.entry.start is None else entry_name(pair)
         files.setdefault(entries[pair], made.entry)
     return PackageTables(files, entries)
 

@@ -14,7 +14,8 @@ from small_pipeline import TASK, decided, task_of, write_task
 from optim.pipeline import changes, trials
 from optim.pipeline import run as pipeline_run
 from optim.pipeline.changes import best_single_gait
-from optim.pipeline.plans import best_of_one_gait, best_of_one_shape, change_time, rank_plans, route_speed
+from optim.pipeline.package import _possible_files, _states_of
+from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, change_time, rank_plans, route_speed
 from optim.pipeline.trials import KeptSimulations, NoWorkingGait, State, check_working
 from robots.calibration import Properties, load_calibration, save_properties, weight_of_calibration
 from robots.hardware import read_csv
@@ -122,6 +123,30 @@ def test_a_package_from_end_to_end(task, tmp_path, morpholab, monkeypatch):
     assert morpholab(f"pipeline {task} --out {parts} --quiet --threads 1")[0] in (0, 1)
     for name in ("machine.json", "numbers.json", "tables/flat.csv"):
         assert (parts / "package" / name).read_bytes() == (package / name).read_bytes()
+
+
+@pytest.mark.kernels
+def test_a_package_in_place_of_another_has_no_files_of_that(task, tmp_path, morpholab, monkeypatch):
+    """A short stretch is not worth the change of shape; tables of changes that stayed could be played on a rig."""
+    plans = {20.0: Plan(("round", "flat"), 0.1), 0.1: Plan(("round", "round"), 0.1)}
+    monkeypatch.setattr(pipeline_run, "rank_plans", lambda _designs, _speeds, stretch, *_: [plans[stretch]])
+    package, left = tmp_path / "out/package", []
+    for stretch in plans:
+        task.write_text(f"stretch = {stretch}\n{TASK}")
+        code, text, error = morpholab(f"pipeline {task} --out {tmp_path / 'out'} --quiet --json --threads 1")
+        assert code in (0, 1), error
+        left.append({str(path.relative_to(package)) for path in package.rglob("*") if path.is_file()})
+        assert left[-1] - {"tables/own.csv"} == set(json.loads(text)["files"])
+        (package / "tables/own.csv").write_text("a person's")
+        (package / "calibration.json").write_text("of a task with a calibration")
+    assert "tables/flat-to-hill-5.csv" in left[0] - left[1] and "tables/own.csv" in left[1]
+
+
+@pytest.mark.parametrize("machine", ["", "{", '{"states": [{"name": "../own"}]}'])
+def test_names_of_a_damaged_package_are_no_files_to_delete(tmp_path, machine):
+    (tmp_path / "machine.json").write_text(machine)
+    assert _states_of(tmp_path) == []
+    assert _possible_files(["flat", "../own"]) == _possible_files(["flat"])
 
 
 @pytest.mark.kernels
