@@ -13,22 +13,34 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import lsq_linear
+from scipy.stats import chi2
 
 from optim.calibration.look import Diverged, Told, listed, look_around, simulated
-from optim.calibration.misfit import DIFFERENCE, REPLICAS, TOO_LARGE, WIDEST, Linearised, Misfit, Uncertainty
+from optim.calibration.misfit import (
+    ASSUMED,
+    CONFIDENCE,
+    DIFFERENCE,
+    GIVEN,
+    REPLICAS,
+    SMALLEST,
+    TOO_LARGE,
+    WIDEST,
+    Linearised,
+    Misfit,
+    Uncertainty,
+)
 from optim.calibration.misfit import uncertainty as uncertainty_of
 from optim.calibration.outliers import outliers
 from robots.calibration import BOUNDS, NAMES, Experiment, Laboratory, Properties, Trial
 from taichi_sim.base.arrays import Floats
 
 STIFFER = 1.1  # times the modulus that was found: how far the last fit may go where steps depend on it
+_NEARLY = 10.0  # chi-square above that of the best sample up to which another one may lead to the deepest minimum
+_AS_LIKELY = float(chi2.ppf(CONFIDENCE, 1))  # chi-square above that of the end that is kept: as far as intervals reach
 _STEPS = 8  # maximum number of evaluations of the joint fit
-_FARTHEST = 0.5  # largest change of a logarithm in one of its steps
 _SMALL = 0.2  # steps in standard errors that are not worth an evaluation
 _RANDOM = 0.6  # more of those that scatter makes: steps to the mean of the replicas are random by a third of these
 _HARDLY = 0.5**0.5  # errors, in those that the bounds leave, from which data tell less than the bounds
-_INSIDE = 1e-9  # of the bounds of a step, which may not be equal
 _NEAR_BOUND = 0.01  # distance from a bound, of the logarithm, below which a property counts as at the bound
 
 
@@ -47,6 +59,7 @@ class Calibration:
     at_bound: tuple[str, ...]  # names of properties that ended at a bound
     hardly_told: tuple[str, ...]  # names of properties of which the bounds tell more than the data
     outliers: tuple[str, ...]  # measurements too far off to be noise, a line each
+    rival: Properties | None = None  # another minimum, outside the intervals, that is about as likely
 
 
 def calibrate(
@@ -59,7 +72,8 @@ def calibrate(
     """Fit properties to experiments, starting from those of the laboratory's robot.
 
     All are simulated at the time step that the stiffest robot within the bounds needs, and fitted once more from there
-    at that of the robot found, if it is another. Where residuals stay too large, the next best samples are fitted, too.
+    at that of the robot found, if it is another. A misfit may have several minima: samples that are nearly as good as
+    the best are fitted, too, and all of them where residuals stay too large; the likeliest end is kept.
 
     Raises:
         ValueError: for unknown names, too few points, or properties that the data do not determine.
@@ -70,20 +84,41 @@ def calibrate(
     told = progress or (lambda fraction, text: None)
     misfit = Misfit(experiments, laboratory, tuple(names), before, bounds, known=bounds)
     first, *others = look_around(misfit, told)
-    found = _descend(replace(misfit, start=first), before, told, (0.6, 0.8))
+    found = _descend(replace(misfit, start=first.properties), before, told, (0.6, 0.8))
+    ends = [found]
     for other in others:
-        if found.uncertainty.noise <= TOO_LARGE:
+        if other.cost > first.cost + _NEARLY * max(found.uncertainty.noise, 1.0) ** 2 and _agrees(misfit, found):
             break
-        with contextlib.suppress(Diverged):  # the fit that there is stays
-            again = _descend(replace(misfit, start=other), before, told, (0.8, 0.8))
-            found = min(found, again, key=lambda each: each.unlikelihood)
+        with contextlib.suppress(Diverged):  # the fits that there are stay
+            ends.append(_descend(replace(misfit, start=other.properties), before, told, (0.8, 0.8)))
+            found = min(ends, key=lambda each: each.unlikelihood)
+    found = replace(found, rival=_rival(misfit, found, ends))
     played = laboratory.as_played(found.after)
     if played.time_step == laboratory.time_step:
         return found
     near = modulus_near(found.after.modulus, bounds["modulus"], laboratory.geometry.most_modulus)
     within, width = {**bounds, "modulus": near}, _width(found.uncertainty)
     there = replace(misfit, laboratory=played, start=found.after, bounds=within, width=width)
-    return _descend(there, before, told, (0.8, 1.0))
+    return replace(_descend(there, before, told, (0.8, 1.0)), rival=found.rival)
+
+
+def _agrees(misfit: Misfit, found: Calibration) -> bool:
+    """Whether residuals are as small as deviations say: given ones by the chi-square test, assumed ones are a guess."""
+    freedom = len(misfit.measured) - len(misfit.names)
+    known = (misfit.assumed == GIVEN).all()
+    return found.uncertainty.noise <= (np.sqrt(chi2.ppf(CONFIDENCE, freedom) / freedom) if known else TOO_LARGE)
+
+
+def _rival(misfit: Misfit, found: Calibration, ends: Sequence[Calibration]) -> Properties | None:
+    """The likeliest other end outside the intervals, if it is about as likely; deviations scale as those of a fit."""
+    least = 1.0 if (misfit.assumed == GIVEN).any() else SMALLEST / ASSUMED
+    most = found.unlikelihood + _AS_LIKELY * max(found.uncertainty.noise, least) ** 2
+    low, high = found.intervals.T
+    for end in sorted(ends, key=lambda each: each.unlikelihood):
+        values = np.array([getattr(end.after, name) for name in misfit.names])
+        if end.unlikelihood <= most and ((values < low) | (values > high)).any():
+            return end.after
+    return None
 
 
 def modulus_near(found: float, bounds: tuple[float, float], most: float) -> tuple[float, float]:
@@ -161,7 +196,7 @@ def _stepped(
     all steps so far that are near, and so is the scatter.
     """
     (low, high), (begin, finish) = misfit.limits, share
-    here, seen, step = at, [(point, at)], _step(misfit, point, at)
+    here, seen, step = at, [(point, at)], misfit.step(point, at)
     for count in range(1, _STEPS):
         known = _expected(misfit, at, factors)
         if (np.abs(step) <= (_SMALL + _RANDOM * np.sqrt(known.chaos)) * known.errors).all():
@@ -176,17 +211,8 @@ def _stepped(
         if is_better:
             point, here = there, alone
         at = here.joined([each for where, each in seen if (np.abs(where - point) <= 2 * misfit.width).all()])
-        step = _step(misfit, point, at) if is_better else step / 2
+        step = misfit.step(point, at) if is_better else step / 2
     return point, at
-
-
-def _step(misfit: Misfit, point: Floats, at: Linearised) -> Floats:
-    """Step of Gauss and Newton within the bounds, which damp it as if they were measurements."""
-    (low, high), count = misfit.limits, len(point)
-    slopes, residuals = np.vstack([at.sure, np.diag(1 / misfit.spans)]), np.append(at.residuals, np.zeros(count))
-    least, most = np.maximum(low - point, -_FARTHEST), np.minimum(high - point, _FARTHEST)
-    step: Floats = lsq_linear(slopes, -residuals, (least - _INSIDE, most + _INSIDE)).x
-    return step
 
 
 def _as_wide_as_errors(misfit: Misfit) -> tuple[Misfit, Floats, Linearised]:

@@ -8,6 +8,7 @@ the best few samples that are apart: a misfit may have several minima, and scatt
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats.qmc import LatinHypercube
@@ -20,30 +21,60 @@ from taichi_sim.base.arrays import Floats
 Told = Callable[[float, str], None]
 LOOK = 16  # sample points for each property; the number of robots in a vector in version 1.0
 FEW = 4  # best of them around which is looked closer
+STARTS = 8  # best of all of them from which a fit may begin
+STEPS = 2  # from each, before it is told which are worth a fit
 FAR_ABOVE = 20.0  # medians of its experiment: a value above them is likely in another unit
+
+
+class Start(NamedTuple):
+    """Where a fit may begin."""
+
+    cost: float  # sum of squares of one replica there, in the experiments in which it was last looked for
+    properties: Properties
 
 
 class Diverged(RuntimeError):
     """A simulation diverges where a fit begins."""
 
 
-def look_around(misfit: Misfit, told: Told) -> list[Properties]:
+def look_around(misfit: Misfit, told: Told) -> list[Start]:
     """Properties near minima, the best first: each is searched in the kind of experiment that determines it best.
 
     Friction is searched before the properties are checked, as drags are fast and sensitivities are not.
     """
     told_by_drags = {experiment.informs[0] for experiment in misfit.experiments if isinstance(experiment, Drag)}
     rubbed = tuple(name for name in misfit.names if name in told_by_drags)
-    at = _look(misfit, Drag, rubbed, 0.0, told) if rubbed else [misfit.start]
-    homes, scatter = _checked_homes(replace(misfit, start=at[0]))
+    at = _look(misfit, Drag, rubbed, 0.0, told) if rubbed else [Start(0.0, misfit.start)]
+    homes, scatter = _checked_homes(replace(misfit, start=at[0].properties))
     for kind in KINDS:
         names = tuple(name for name in misfit.names if name not in rubbed and issubclass(homes[name], kind))
-        at = _look(replace(misfit, start=at[0]), kind, names, scatter, told) if names else at
-    return at
+        at = _look(replace(misfit, start=at[0].properties), kind, names, scatter, told) if names else at
+    return _followed(misfit, at, scatter)
 
 
-def _look(misfit: Misfit, kind: type, names: tuple[str, ...], scatter: Floats | float, told: Told) -> list[Properties]:
-    """Best of samples around each of the best few between the bounds, in one kind of experiment, the best first.
+def _followed(misfit: Misfit, starts: Sequence[Start], scatter: Floats) -> list[Start]:
+    """Starts after a few steps in all experiments, side by side, the best first; of those that meet one is left.
+
+    What a sample costs tells little of the minimum that it leads to where a valley is narrow.
+    """
+    if len(starts) < 2:
+        return list(starts)
+    (low, high), points, costs = misfit.limits, list[Floats](), list[Floats]()
+    there = np.array([misfit.of(start.properties) for start in starts])
+    for _ in range(STEPS):
+        points.append(there)
+        cost, there = misfit.stepped(there, scatter)
+        costs.append(cost)
+    points.append(there)
+    costs.append(misfit.costs(there, scatter))
+    best, one_each = np.argmin(costs, axis=0), np.arange(len(starts))
+    ends, least = np.array(points)[best, one_each], np.array(costs)[best, one_each]
+    kept = _apart((ends - low) / (high - low), least, 2 / (LOOK - 1), STARTS)
+    return [Start(float(least[number]), misfit.properties(ends[number])) for number in kept]
+
+
+def _look(misfit: Misfit, kind: type, names: tuple[str, ...], scatter: Floats | float, told: Told) -> list[Start]:
+    """Best of samples between the bounds and around the best few of these, in one kind of experiment, the best first.
 
     ``scatter`` is the variance of one replica's residuals in all experiments, shape (N,), or none.
     """
@@ -56,17 +87,15 @@ def _look(misfit: Misfit, kind: type, names: tuple[str, ...], scatter: Floats | 
     low, high = part.limits
     samples, width = _samples(len(names), LOOK)
     costs = part.costs(low + (high - low) * samples, scatter)
-    best = _apart(samples, costs, width)
+    best = _apart(samples, costs, width, FEW)
     closer, _ = _samples(len(names), LOOK if kind is Drag else LOOK // 2)
     near = np.concatenate([np.clip(each + width * (closer - 0.5), 0.0, 1.0) for each in samples[best]])
-    there = part.costs(low + (high - low) * near, scatter).reshape(len(best), -1)
-    ends = [(costs[number].item(), samples[number].tolist()) for number in best]
-    for group, cost in enumerate(costs[best].tolist()):
-        least = int(np.argmin(there[group]))
-        if there[group, least] < cost:
-            ends[group] = float(there[group, least]), near[group * len(closer) + least].tolist()
-    at = [part.properties(low + (high - low) * np.array(point)) for _, point in sorted(ends)]
-    told(0.2 * (1 + KINDS.index(kind)), f"{kind.__name__.lower()}: {listed(names, at[0])}")
+    samples, costs = np.vstack([samples, near]), np.append(costs, part.costs(low + (high - low) * near, scatter))
+    at = [
+        Start(float(costs[number]), part.properties(low + (high - low) * samples[number]))
+        for number in _apart(samples, costs, width, STARTS)
+    ]
+    told(0.2 * (1 + KINDS.index(kind)), f"{kind.__name__.lower()}: {listed(names, at[0].properties)}")
     return at
 
 
@@ -77,13 +106,13 @@ def _samples(count: int, each: int) -> tuple[Floats, float]:
     return LatinHypercube(count, rng=np.random.default_rng(0)).random(each * count), 0.25
 
 
-def _apart(samples: Floats, costs: Floats, width: float) -> list[int]:
+def _apart(samples: Floats, costs: Floats, width: float, few: int) -> list[int]:
     """Numbers of the best few samples, none within the surroundings of a better one, and of those that diverge none."""
     kept: list[int] = []
     for number in np.argsort(costs, kind="stable").tolist():
         if kept and not np.isfinite(costs[number]):
             break
-        if len(kept) < FEW and all(np.abs(samples[number] - samples[other]).max() > 0.51 * width for other in kept):
+        if len(kept) < few and all(np.abs(samples[number] - samples[other]).max() > 0.51 * width for other in kept):
             kept.append(number)
     return kept
 

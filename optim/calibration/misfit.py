@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.optimize import lsq_linear
 from scipy.stats import norm, t
 
 from robots.calibration import Experiment, Laboratory, Properties, Trial
@@ -25,6 +26,9 @@ ASSUMED = 0.02  # standard deviation where none is given, relative to an experim
 SMALLEST = 0.002  # least such deviation, because readings are rounded and gauges are no better
 DIFFERENCE = 0.03  # half width of central differences, of logarithms; wide enough for contacts, see docs/gradients.md
 WIDEST = 0.3  # of those of properties that are known less well: a difference over their error tells more than noise
+WIDER = 0.1  # width of differences of one replica each
+FARTHEST = 0.5  # largest change of a logarithm in a step
+INSIDE = 1e-9  # of the bounds of a step, which may not be equal
 REPLICAS = 8  # simulations with different start noise, from which the simulator's scatter is estimated
 AROUND = 24  # simulations for the differences of all properties, at most; with the replicas two vectors of 16 robots
 FAR_OFF = 1e3  # residual of simulations that diverge
@@ -164,6 +168,33 @@ class Misfit:
         found = self.predictions([Trial(self.properties(point)) for point in points])
         squares = (((found - self.measured) / self.deviations) ** 2 / (1 + 2 * scatter)).sum(axis=1)
         return np.where(np.isfinite(squares), squares, np.inf)
+
+    def step(self, point: Floats, at: Linearised) -> Floats:
+        """Step of Gauss and Newton within the bounds, which damp it as if they were measurements, shape (K,)."""
+        (low, high), count = self.limits, len(point)
+        slopes, residuals = np.vstack([at.sure, np.diag(1 / self.spans)]), np.append(at.residuals, np.zeros(count))
+        least, most = np.maximum(low - point, -FARTHEST), np.minimum(high - point, FARTHEST)
+        step: Floats = lsq_linear(slopes, -residuals, (least - INSIDE, most + INSIDE)).x
+        return step
+
+    def stepped(self, points: Floats, scatter: Floats | float = 0.0) -> tuple[Floats, Floats]:
+        """Sums of squares at points of shape (P, K), as ``costs``, and where a step from each leads, shape (P, K).
+
+        Differences are one-sided, of one replica each. No step is made where a simulation diverges.
+        """
+        count, (low, high) = points.shape[1], self.limits
+        moves = WIDER * np.where(points < (low + high) / 2, 1.0, -1.0)
+        beside = np.clip(points[:, None] + moves[:, None] * np.eye(count), low, high)
+        trials = [Trial(self.properties(each)) for each in np.concatenate([points, beside.reshape(-1, count)])]
+        found = (self.predictions(trials) - self.measured) / self.deviations / np.sqrt(1 + 2 * scatter)
+        here, around = found[: len(points)], found[len(points) :].reshape(len(points), count, -1)
+        ends = points.copy()
+        for row, (point, residuals, moved) in enumerate(zip(points, here, around, strict=True)):
+            if np.isfinite(residuals).all():
+                slopes = np.nan_to_num((moved - residuals) / np.diag(beside[row] - point)[:, None]).T
+                at = Linearised(residuals, residuals, slopes, np.zeros((len(residuals),) * 2))
+                ends[row] = np.clip(point + self.step(point, at), low, high)
+        return np.nan_to_num((here**2).sum(axis=1), nan=np.inf), ends
 
     def linearised(self, point: Floats) -> Linearised:
         """Compute residuals, slopes, their noise and scatter from one batch of simulations.

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.calibration.fit import Calibration
+from optim.calibration.look import listed
 from optim.calibration.misfit import TOO_LARGE
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from robots.calibration import UNITS, Experiment
@@ -53,6 +54,11 @@ def warnings(found: Calibration) -> list[str]:
         f"the data hardly tell {name}, whose interval is what was known before; add experiments that scatter less"
         for name in found.hardly_told
     ]
+    if found.rival is not None:
+        lines.append(
+            f"another minimum is about as likely, {listed(found.names, found.rival)}: intervals are of the one found; "
+            "add experiments that tell them apart"
+        )
     lines += [f"{line}; check it, or leave it out" for line in found.outliers]
     if found.uncertainty.noise > TOO_LARGE:
         size = f"{found.uncertainty.noise:.1f} standard deviations"

@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 
 from optim.calibration import calibrate, document, fit
-from optim.calibration.look import FEW, _apart
+from optim.calibration.look import FEW, Start, _apart
 from optim.calibration.misfit import Linearised, uncertainty
 from robots.calibration import BOUNDS, Gait, Laboratory, Properties, Trial
 from robots.inflatable import INCHING, SMALL
+from robots.world import Terrain
 
 BENCH = Laboratory(SMALL, stiffest=SMALL.youngs_modulus, threads=1)
 TRUE = dataclasses.replace(Properties.of(SMALL), inflation_rate=2.0)
 TIMES = np.arange(0.25, 1.9, 0.25)
 NOISE = 1e-4
+RIPPLED = BOUNDS | {"low_friction": (0.05, 1.0)}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -49,6 +51,20 @@ class Cliff(Gait):
     def predict(self, trials, laboratory):
         rates = np.array([[trial.properties.inflation_rate] for trial in trials])
         return np.where(rates > 3.2, np.nan, 0.01 * np.tanh(self.at * rates / 2) * self.at)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Rippled(Gait):
+    """A gait in closed form, whose ripples make several minima along a narrow valley of friction and rate."""
+
+    def predict(self, trials, laboratory):
+        rows = []
+        for trial in trials:
+            grip, slide, _, rate = vars(trial.properties).values()
+            size, uphill = 1.0 if self.name == "inching" else 0.6, np.sin(np.radians(self.terrain.slope))
+            speed = size * (0.006 * (grip - slide) / (grip + slide) - 0.02 * uphill / grip) * (1 + 0.1 * np.log(grip))
+            rows.append(speed * np.tanh(rate * self.at / 2) * self.at * (1 + 0.05 * np.cos(5 * self.at * rate)))
+        return np.array(rows)
 
 
 def measured(gait, seed):
@@ -104,12 +120,37 @@ def test_errors_of_slopes_that_are_far_beyond_their_noise_are_those_of_exact_one
 def test_a_fit_that_ends_far_off_begins_again_from_the_next_best(monkeypatch):
     rates = (2.9, 5.0, 2.05)
     starts = [dataclasses.replace(TRUE, inflation_rate=rate) for rate in rates]
-    monkeypatch.setattr(fit, "look_around", lambda *_: starts)
+    monkeypatch.setattr(fit, "look_around", lambda *_: [Start(0.0, each) for each in starts])
     found = calibrate([measured(gait_of(Wave), 0)], BENCH, ("inflation_rate",))
     assert found.after.inflation_rate == pytest.approx(2.0, rel=0.01) and found.uncertainty.noise < 2
-    monkeypatch.setattr(fit, "look_around", lambda *_: starts[:1])
+    monkeypatch.setattr(fit, "look_around", lambda *_: [Start(0.0, starts[0])])
     alone = calibrate([measured(gait_of(Wave), 0)], BENCH, ("inflation_rate",))
     assert alone.uncertainty.noise > 2 and abs(alone.after.inflation_rate - 2.0) > 0.1
+
+
+def rippled(seed):
+    """Three gaits of a robot of friction 1, low friction 0.2 and rate 2 /s, with noise."""
+    rng, true, gaits = np.random.default_rng(seed), Properties(1.0, 0.2, 400e3, 2.0), []
+    for name, slope, count in (("inching", 0, 7), ("rolling", 0, 6), ("inching", 5, 7)):
+        times = 0.25 * np.arange(1, count + 1)
+        gait = Rippled(times, np.zeros(count), INCHING, name, Terrain(slope=slope))
+        values = gait.predict([Trial(true)], BENCH)[0] + 2e-4 * rng.standard_normal(count)
+        gaits.append(dataclasses.replace(gait, values=values, deviations=np.full(count, 2e-4)))
+    return calibrate(gaits, BENCH, ("friction", "low_friction", "inflation_rate"), RIPPLED)
+
+
+@pytest.mark.parametrize("seed", [0, 3, 29, 43, 51])
+def test_a_fit_ends_in_the_deepest_of_several_minima(seed):
+    """The next ones, 3 to 15 in chi-square above it, are at rates of 1.2 and 2.9 /s."""
+    assert rippled(seed).after.inflation_rate == pytest.approx(2.0, rel=0.06)
+
+
+def test_another_minimum_that_is_about_as_likely_is_told():
+    """Noise has made that at 1.2 /s deeper than the true one, by 2 in chi-square."""
+    found = rippled(10)
+    assert found.after.inflation_rate < 1.3 and found.rival.inflation_rate == pytest.approx(2.0, rel=0.1)
+    (line,) = [line for line in document(found, "small")["warnings"] if "another minimum" in line]
+    assert "inflation_rate 2." in line and "add experiments that tell them apart" in line
 
 
 def test_a_fit_stays_where_the_next_best_diverges(monkeypatch):
@@ -119,10 +160,10 @@ def test_a_fit_stays_where_the_next_best_diverges(monkeypatch):
     found = calibrate([odd], BENCH, ("inflation_rate",), bounds)
     assert found.uncertainty.noise > 2 and found.after.inflation_rate == pytest.approx(2.0, rel=0.05)
     starts = [dataclasses.replace(TRUE, inflation_rate=rate) for rate in (2.1, 4.0)]
-    monkeypatch.setattr(fit, "look_around", lambda *_: starts)
+    monkeypatch.setattr(fit, "look_around", lambda *_: [Start(0.0, each) for each in starts])
     again = calibrate([odd], BENCH, ("inflation_rate",), bounds)
     assert again.after.inflation_rate == pytest.approx(found.after.inflation_rate, rel=1e-3)
-    monkeypatch.setattr(fit, "look_around", lambda *_: starts[1:])
+    monkeypatch.setattr(fit, "look_around", lambda *_: [Start(0.0, starts[1])])
     with pytest.raises(RuntimeError, match="the simulation diverges where the fit begins"):
         calibrate([odd], BENCH, ("inflation_rate",), bounds)
 
@@ -137,6 +178,6 @@ def test_intervals_lie_within_the_bounds():
 
 def test_the_best_few_samples_are_apart():
     samples, costs = np.linspace(0, 1, 16)[:, None], np.arange(16.0)
-    assert _apart(samples, costs, 2 / 15) == [0, 2, 4, 6] and FEW == 4
-    assert _apart(samples, np.where(costs > 3, np.inf, costs), 2 / 15) == [0, 2]
-    assert _apart(samples, np.full(16, np.inf), 2 / 15) == [0]
+    assert _apart(samples, costs, 2 / 15, FEW) == [0, 2, 4, 6] and FEW == 4
+    assert _apart(samples, np.where(costs > 3, np.inf, costs), 2 / 15, FEW) == [0, 2]
+    assert _apart(samples, np.full(16, np.inf), 2 / 15, FEW) == [0]
