@@ -7,6 +7,7 @@ the best few samples that are apart: a misfit may have several minima, and scatt
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -123,7 +124,9 @@ def _checked_homes(misfit: Misfit) -> tuple[dict[str, type], Floats]:
     The unit of each logarithm is the standard deviation of a uniform distribution between the bounds. Data determine
     a combination of properties if its standard error is below one such unit. A property is determined best by
     experiments made for it and, among these, or if there are none, by those with the largest slopes. Scatter is noise
-    of the points here. That it is noise of the slopes, too, is told after the fit, between wider differences.
+    of the points here. That it is noise of the slopes, too, is told after the fit, between wider differences. Data may
+    tell nothing where the fit begins, such as friction near its least bound, and much elsewhere: before they are
+    refused, they are tried at the best few samples.
 
     Returns:
         The kind of each property, and the variance of one replica's residuals, shape (N,).
@@ -131,13 +134,14 @@ def _checked_homes(misfit: Misfit) -> tuple[dict[str, type], Floats]:
     Raises:
         ValueError: if the data do not determine a combination of properties.
     """
-    found = simulated(misfit, misfit.of(misfit.start))
-    scatter = np.diag(found.scatter)
-    found = found.weighted(1 / np.sqrt(1 + 2 * scatter))
-    _, sizes, ways = np.linalg.svd(found.slopes * misfit.spans, full_matrices=False)
-    if sizes[-1] < 1:
-        part = np.abs(ways[-1])
-        unclear = [name for name, p in zip(misfit.names, part, strict=True) if p > 0.5 * part.max()]
+    found, scatter, unclear = _told_at(misfit, misfit.of(misfit.start))
+    for point in _elsewhere(misfit, scatter) if unclear else []:
+        with suppress(Diverged):
+            there = _told_at(misfit, point)
+            if not there[2]:
+                found, scatter, unclear = there
+                break
+    if unclear:
         what = " and ".join(unclear) + (" apart" if len(unclear) > 1 else "")
         more = _far_off(misfit.experiments) or "add experiments or points that do, or fit fewer"
         raise ValueError(f"fit: the data cannot tell {what}; {more}")
@@ -150,6 +154,24 @@ def _checked_homes(misfit: Misfit) -> tuple[dict[str, type], Floats]:
         ]
         homes[name] = type(misfit.experiments[told.index(max(told))])
     return homes, scatter
+
+
+def _told_at(misfit: Misfit, point: Floats) -> tuple[Linearised, Floats, list[str]]:
+    """The weighted misfit at a point, the variance of one replica's residuals, and what the data do not tell there."""
+    found = simulated(misfit, point)
+    scatter = np.diag(found.scatter)
+    found = found.weighted(1 / np.sqrt(1 + 2 * scatter))
+    _, sizes, ways = np.linalg.svd(found.slopes * misfit.spans, full_matrices=False)
+    part = np.abs(ways[-1])
+    told = sizes[-1] >= 1
+    return found, scatter, [] if told else [n for n, p in zip(misfit.names, part, strict=True) if p > 0.5 * part.max()]
+
+
+def _elsewhere(misfit: Misfit, scatter: Floats) -> list[Floats]:
+    """The best few samples between the bounds, of all properties in all experiments, the best first."""
+    (low, high), (samples, width) = misfit.limits, _samples(len(misfit.names), LOOK)
+    points = low + (high - low) * samples
+    return [points[number] for number in _apart(samples, misfit.costs(points, scatter), width, FEW)]
 
 
 def _far_off(experiments: Sequence[Experiment]) -> str:

@@ -153,6 +153,31 @@ def test_another_minimum_that_is_about_as_likely_is_told():
     assert "inflation_rate 2." in line and "add experiments that tell them apart" in line
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Slippery(Gait):
+    """A gait whose speed falls as its feet grip, and hardly changes while they slide."""
+
+    def predict(self, trials, laboratory):
+        return np.array([0.02 * self.at / (1 + (3 * t.properties.low_friction) ** 2) for t in trials])
+
+
+@pytest.mark.parametrize("low", [0.001, 0.05])
+def test_what_data_tell_within_the_bounds_though_not_where_a_fit_begins_is_fitted(low):
+    """The published robot's friction is 1e-4: where it is clipped to 0.001, distances do not change with it."""
+    exact = gait_of(Slippery)
+    values = exact.predict([Trial(dataclasses.replace(TRUE, low_friction=0.3))], BENCH)[0]
+    noise = 2e-3
+    gait = dataclasses.replace(
+        exact,
+        values=values + noise * np.random.default_rng(1).standard_normal(len(values)),
+        deviations=np.full(len(values), noise),
+    )
+    found = calibrate([gait], BENCH, ("low_friction",), BOUNDS | {"low_friction": (low, 1.0)})
+    assert found.after.low_friction == pytest.approx(0.3, rel=0.1)
+    with pytest.raises(ValueError, match="the data cannot tell modulus; add experiments"):
+        calibrate([gait], BENCH, ("modulus",))
+
+
 def test_a_fit_stays_where_the_next_best_diverges(monkeypatch):
     """Samples that diverge are no starts; and a start from which the fit diverges is left out."""
     odd = dataclasses.replace(measured(gait_of(Cliff), 0), deviations=np.full(len(TIMES), 0.05 * NOISE))
