@@ -67,7 +67,9 @@ def row_tolerances(robots: ti.template(), body):
         resisted = read(robots, body + slots.RESISTANCE) * read(robots, body + slots.RATE)
         beside = larger(push, 0.0 - push) + larger(resisted, 0.0 - resisted)
         size = needed + given + larger(contact, 0.0 - contact) + beside
-        strength = read(robots, body + slots.HIGH) - read(robots, body + slots.LOW) + read(robots, body + slots.RUBBING)
+        strength = read(robots, body + slots.HIGH) - read(robots, body + slots.LOW)
+        strength = select(strength < slots.NO_STOP, strength, 0.0 * strength)  # of servos without a limit
+        strength = strength + read(robots, body + slots.RUBBING)
         of_impulse = tolerance * (smaller(1.0 + 0.0 * size, ROUNDINGS * strength) + ROUNDINGS * size)
         most = LARGEST_SLIP * (read(robots, body + slots.MOST_RATE) - read(robots, body + slots.LEAST_RATE))
         of_rate = tolerance + smaller(tolerance * ROUNDINGS * size * read(robots, body + slots.INVERSE), most)
@@ -89,11 +91,11 @@ def switch_rows(robots: ti.template(), phase, single, last, active):
             mode, way = read(robots, body + slots.MODES + phase), read(robots, body + slots.WAYS + phase)
             impulse = row_impulse(robots, body)
             loose, slack = row_tolerances(robots, body)
+            by_law, rubs = read(robots, body + slots.SERVO) >= 0.0, read(robots, body + slots.RUBBING) > 0.0
             after, turns = next_mode(robots, body, mode, impulse, loose, slack), way
-            if any_lane(read(robots, body + slots.RUBBING) > 0.0):
-                rubs = read(robots, body + slots.RUBBING) > 0.0
-                mode_then, way_then = next_way(robots, body, mode, way, impulse, loose, slack)
-                after, turns = select(rubs, mode_then, after), select(rubs, way_then, way)
+            if any_lane(by_law | rubs):
+                mode_then, way_then = next_level(robots, body, mode, way, impulse, loose, slack)
+                after, turns = select(by_law | rubs, mode_then, after), select(rubs, way_then, way)
             if last > 0:
                 held = (mode > 1.5) | (mode < -1.5)
                 after, turns = select(held, mode, at_stop(robots, body, mode, slack)), way
@@ -117,87 +119,90 @@ def at_stop(robots: ti.template(), body, mode, slack):
 
 @ti.func
 def next_mode(robots: ti.template(), body, mode, impulse, loose, slack):
-    """The next mode of the row of a hinge without friction."""
-    servo, rate, target = (
-        read(robots, body + slots.SERVO),
-        read(robots, body + slots.RATE),
-        read(robots, body + slots.TARGET),
-    )
-    by_law, firm = servo >= 0.0, servo < 0.0
+    """The next mode of the row of a motor, or of a hinge without a drive, that does not rub."""
+    rate, target = read(robots, body + slots.RATE), read(robots, body + slots.TARGET)
     low, high = read(robots, body + slots.LOW), read(robots, body + slots.HIGH)
-    ahead, asked = rate - target, target - servo * rate  # of a motor; of a servo
+    ahead = rate - target
     driven, held = (mode > -0.5) & (mode < 0.5), (mode > 1.5) | (mode < -1.5)
     beyond = select(impulse > high + loose, 1.0, select(impulse < low - loose, -1.0, 0.0 * impulse))
-    weaker = (firm & (ahead > slack)) | (by_law & (asked < high - loose))
-    stronger = (firm & (ahead < 0.0 - slack)) | (by_law & (asked > low + loose))
-    passed = ((mode > 0.5) & weaker) | ((mode < -0.5) & stronger)
-    after = select(driven, beyond, select(passed & (low < high), slots.MODE_DRIVEN, mode))
+    passed = ((mode > 0.5) & (ahead > slack)) | ((mode < -0.5) & (ahead < 0.0 - slack))
+    kept = select(passed & (low < high), slots.MODE_DRIVEN, mode)
     passive, stop = low >= high, at_stop(robots, body, mode, slack)
-    below, above = stop > 1.5, stop < -1.5
-    stopped = (((mode > 0.5) | passive) & below) | (((mode < -0.5) | passive) & above)
-    stopped = (by_law & (below | above)) | (stopped & ((mode > 0.5) | (mode < -0.5)))
-    after = select(stopped, stop, after)
-    # What the drive itself gives at a stop, without which the stop would have to pull.
-    most, least = select(by_law, smaller(asked, high), high), select(by_law, larger(asked, low), low)
-    lifted = ((mode > 1.5) & (impulse < most - loose)) | ((mode < -1.5) & (impulse > least + loose))
-    let_go = select(by_law, slots.MODE_DRIVEN, 0.5 * mode)
-    return select(held, select(lifted, let_go, mode), after)
+    stopped = (((mode > 0.5) | passive) & (stop > 1.5)) | (((mode < -0.5) | passive) & (stop < -1.5))
+    after = select(driven, beyond, select(stopped, stop, kept))
+    lifted = ((mode > 1.5) & (impulse < high - loose)) | ((mode < -1.5) & (impulse > low + loose))
+    return select(held, select(lifted, 0.5 * mode, mode), after)
 
 
 @ti.func
-def next_way(robots: ti.template(), body, mode, way, impulse, loose, slack):
-    """The next mode of the row of a hinge with friction, and which way it turns: 1, -1, or 0 where friction holds it.
+def next_level(robots: ti.template(), body, mode, way, impulse, loose, slack):
+    """The next mode of the row of a servo, or of a hinge that rubs, and which way that turns: 1, -1, or 0 if held.
 
-    The impulse of drive, friction and stops falls as the rate grows, in levels: at a stop, with the largest impulse, as
-    the drive wants it, with the least one, at the other stop; where the rate is 0 friction has one of its own among
-    them. A row goes on to the next level.
+    The impulse of drive, friction and stops falls as the rate grows, on levels one above the other: that of the lower
+    stop, of the largest impulse, of what the drive wants, of the least impulse, of the upper stop; and where the rate
+    is 0 that of friction. A row whose solution lies beyond its level goes on to the next one.
     """
-    servo, rubbing, rate = (
-        read(robots, body + slots.SERVO),
-        read(robots, body + slots.RUBBING),
-        read(robots, body + slots.RATE),
-    )
-    by_law, target = servo >= 0.0, read(robots, body + slots.TARGET)
+    servo, rubbing, one = read(robots, body + slots.SERVO), read(robots, body + slots.RUBBING), 0.0 * mode + 1.0
+    rate, target = read(robots, body + slots.RATE), read(robots, body + slots.TARGET)
     low, high = read(robots, body + slots.LOW), read(robots, body + slots.HIGH)
-    one = 0.0 * mode + 1.0
-    to_front, to_back = rate > slack, rate < 0.0 - slack
-    # At rest a servo gives its law's impulse, a motor that wants to turn all of its own, and one that does not any.
+    least, most = read(robots, body + slots.LEAST_RATE), read(robots, body + slots.MOST_RATE)
+    by_law, firm, absent, rubs = servo >= 0.0, servo < 0.0, low >= high, rubbing > 0.0
+    ahead, behind = target > slack, target < 0.0 - slack  # of rest, of a motor
+    upper, lower = mode > 0.5, mode < -0.5
+    between = (mode > -0.5) & (mode < 0.5)
+    held, stuck = (mode > 1.5) | (mode < -1.5), rubs & (way > -0.5) & (way < 0.5)
+    asked, at_least, at_most = target - servo * rate, target - servo * least, target - servo * most  # of a servo
+
+    # From a level of the drive: a servo's law leaves its bounds, a motor the rate that it wants, or its bounds there.
+    own = impulse + way * rubbing
+    weaker = select(by_law, select(upper, high, low) - loose - asked, rate - target - slack) > 0.0
+    stronger = select(by_law, asked - select(lower, low, high) - loose, target - rate - slack) > 0.0
+    given = select(by_law, asked, own)
+    rises = ((upper & weaker) | (between & (given < low - loose))) & (low < high)
+    falls = ((lower & stronger) | (between & (given > high + loose))) & (low < high)
+    # It turns round first where that is nearer, ...
+    front = by_law & (target >= select(upper, high, low))
+    front = front | lower | absent | (firm & upper & (target >= 0.0 - slack))
+    rear = by_law & (target <= select(lower, low, high))
+    rear = rear | upper | absent | (firm & lower & (target <= slack))
+    turns = ((way < -0.5) & (rate > slack) & front) | ((way > 0.5) & (rate < 0.0 - slack) & rear)
+    # ... or meets a stop.
+    end = lower | absent | (by_law & (at_most >= select(upper, high, low)))
+    start = upper | absent | (by_law & (at_least <= select(lower, low, high)))
+    before_rest, after_rest = rubs & (way < -0.5) & (most > 0.0), rubs & (way > 0.5) & (least < 0.0)
+    above, below = (rate > most + slack) & end, (rate < least - slack) & start
+    mode_then = select(above, select(before_rest, mode, 0.0 - 2.0 * one), mode)
+    mode_then = select(below, select(after_rest, mode, 2.0 * one), mode_then)
+    # Of a level that lies beyond a stop as a whole the drive's end comes first, as it does where that is nearer.
+    mode_then = select(rises & ((mode_then > -1.5) | below), mode - one, mode_then)
+    mode_then = select(falls & ((mode_then < 1.5) | above), mode + one, mode_then)
+    turns = turns & rubs
+    mode_then, way_then = select(turns, mode, mode_then), select(turns, 0.0 * one, way)
+
+    # From rest, where friction holds it: a servo gives its law's impulse, a motor that wants to turn all of its own.
     law = larger(low, smaller(high, target))
-    least = select(by_law, law, select(target > slack, high, low))
-    most = select(by_law, law, select(target < 0.0 - slack, low, high))
     law_mode = select(target > high, one, select(target < low, 0.0 - one, 0.0 * one))
-    front = select(by_law, law_mode, select(target > slack, one, 0.0 - one))  # modes beside the level of the friction
-    rear = select(by_law, law_mode, select(target < 0.0 - slack, 0.0 - one, one))
-    # Where friction holds it.
-    forwards, backwards = impulse < least - rubbing - loose, impulse > most + rubbing + loose
-    way_then = select(forwards, one, select(backwards, 0.0 - one, 0.0 * one))
-    mode_then = select(forwards, front, select(backwards, rear, mode))
-    # Where it turns.
-    own = impulse + way * rubbing  # of the drive
-    asked = target - servo * rate
-    turns = (way > 0.5) | (way < -0.5)
-    stops = ((way > 0.5) & to_back & (mode - front < 0.5) & (front - mode < 0.5)) | (
-        (way < -0.5) & to_front & (mode - rear < 0.5) & (rear - mode < 0.5)
-    )
-    beyond = select(own > high + loose, one, select(own < low - loose, 0.0 - one, 0.0 * one))
-    weaker = select(by_law, high - loose - asked, rate - target - slack) > 0.0
-    stronger = select(by_law, asked - low - loose, target - rate - slack) > 0.0
-    passed = (((mode > 0.5) & weaker) | ((mode < -0.5) & stronger)) & (low < high)
-    turning = select((mode > -0.5) & (mode < 0.5), beyond, select(passed, slots.MODE_DRIVEN, mode))
-    mode_then = select(turns, select(stops, mode, turning), mode_then)
-    way_then = select(turns, select(stops, 0.0 * one, way), way_then)
-    stop = at_stop(robots, body, mode, slack)
-    past = (stop > 1.5) | (stop < -1.5)
-    mode_then, way_then = select(past, stop, mode_then), select(past, way, way_then)
-    # Where a stop holds it: it lets go of what it would have to pull.
-    asked_mode = select(asked > high, one, select(asked < low, 0.0 - one, 0.0 * one))
-    up = select(by_law, larger(low, smaller(high, asked)), high)
-    up = select(to_front, up - rubbing, select(to_back, up + rubbing, most + rubbing))
-    down = select(by_law, larger(low, smaller(high, asked)), low)
-    down = select(to_back, down + rubbing, select(to_front, down - rubbing, least - rubbing))
-    lifted = ((mode > 1.5) & (impulse < up - loose)) | ((mode < -1.5) & (impulse > down + loose))
-    let_go = select(by_law, asked_mode, 0.5 * mode)
-    held = (mode > 1.5) | (mode < -1.5)
-    after_stop = select(to_front, one, select(to_back, 0.0 - one, 0.0 * one))
-    mode_then = select(held, select(lifted, let_go, mode), mode_then)
-    return mode_then, select(held, select(lifted, after_stop, way), way_then)
+    forwards = stuck & (impulse < select(by_law, law, select(ahead, high, low)) - rubbing - loose)
+    backwards = stuck & (impulse > select(by_law, law, select(behind, low, high)) + rubbing + loose)
+    mode_then, way_then = select(stuck, mode, mode_then), select(stuck, way, way_then)
+    mode_then = select(forwards, select(by_law, law_mode, select(ahead, one, 0.0 - one)), mode_then)
+    mode_then = select(backwards, select(by_law, law_mode, select(behind, 0.0 - one, one)), mode_then)
+    way_then = select(forwards, one, select(backwards, 0.0 - one, way_then))
+    mode_then = select(stuck & (least > slack), 2.0 * one, mode_then)
+    mode_then = select(stuck & (most < 0.0 - slack), 0.0 - 2.0 * one, mode_then)
+
+    # From a stop, which cannot pull.
+    law = select(by_law, larger(low, smaller(high, at_least)), select(target > least + slack, high, low))
+    law_mode = select(at_least > high, one, select(at_least < low, 0.0 - one, 0.0 * one))
+    row_mode = select(by_law, law_mode, select(target > least + slack, one, 0.0 - one))
+    to_back = least < 0.0 - slack
+    up = (mode > 1.5) & (impulse < law + select(to_back, rubbing, 0.0 - rubbing) - loose)
+    mode_up, way_up = row_mode, select(to_back, 0.0 - one, one)
+    law = select(by_law, larger(low, smaller(high, at_most)), select(target < most - slack, low, high))
+    law_mode = select(at_most > high, one, select(at_most < low, 0.0 - one, 0.0 * one))
+    row_mode = select(by_law, law_mode, select(target < most - slack, 0.0 - one, one))
+    to_front = most > slack
+    down = (mode < -1.5) & (impulse > law + select(to_front, 0.0 - rubbing, rubbing) + loose)
+    after_stop = select(up, mode_up, select(down, row_mode, mode))
+    way_after = select(up, way_up, select(down, select(to_front, one, 0.0 - one), way))
+    return select(held, after_stop, mode_then), select(held, way_after, way_then)

@@ -1,0 +1,106 @@
+"""One step of single hinges of all kinds against the only rate at which all impulses balance, found by bisection."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taichi_sim.rigid import Body, Hinge, Motor, Passive, RigidEngine, Servo, Tree, World
+
+pytestmark = pytest.mark.kernels
+
+BASE = Body("base", (0.0, 0.0, 0.0), 20.0, inertia=np.eye(3))
+RETURN = 10.0  # 1/s, from beyond a stop
+ONE = np.ones((1, 1, 1))
+
+
+class Case:
+    """A flywheel on a hinge: any drive, passive forces and stops of any size, an angle, a rate and a command."""
+
+    def __init__(self, rng, drive):
+        def sized(low, high, share=1.0):
+            return float(10 ** rng.uniform(low, high)) if rng.random() < share else 0.0
+
+        self.inertia = sized(-8, 2)
+        self.passive = Passive(
+            *(self.inertia * sized(*ends) for ends in ((-3, 4, 0.5), (-3, 6, 0.6), (-2, 8, 0.6))),
+            spring_rest=float(rng.uniform(-1, 1)),
+            friction=self.inertia * sized(-3, 6, 0.6),
+        )
+        strength, wanted = self.inertia * sized(-3, 6), float(rng.uniform(-5, 5))
+        self.drive = None
+        if drive == "motor":
+            fastest = sized(-1, 1, 0.5) or None
+            self.drive = Motor(strength, wanted, -sized(-1, 3, 0.5), float(rng.uniform(-1, 1)), fastest)
+        if drive == "servo":
+            by_angle, by_rate = -self.inertia * sized(-2, 8, 0.6), self.inertia * sized(-2, 6, 0.6)
+            limit = strength * sized(-2, 1) if rng.random() < 0.6 else None
+            self.drive = Servo(strength * wanted, by_angle, strength * float(rng.uniform(-1, 1)), by_rate, limit)
+        self.stops = None if rng.random() < 0.4 else (-float(rng.uniform(0, 1)), float(rng.uniform(0.01, 1)))
+        self.angle = float(rng.choice(self.stops)) if self.stops and rng.random() < 0.3 else float(rng.uniform(-1, 1))
+        self.rate = float(rng.normal() * sized(-3, 1, 0.7))
+
+    def tree(self):
+        flywheel = Body("flywheel", (0.0, 0.0, 0.0), 1.0, inertia=self.inertia * np.eye(3))
+        hinge = Hinge("base", "flywheel", (0, 0, 0), (0, 1, 0), self.drive, 0, self.stops, passive=self.passive)
+        return Tree((BASE, flywheel), (hinge,), fixed=True)
+
+    def pull(self, rate, side, step):
+        """Impulse of all that acts, less what the rate needs; ``side`` says how it is where it jumps."""
+        by, lacking = self.passive, self.angle - self.passive.spring_rest
+        inertia = self.inertia + by.rotor_inertia + 0.25 * step * step * by.stiffness
+        found = inertia * (self.rate - rate) - step * (by.damping * rate + by.stiffness * lacking)
+        found -= step * by.friction * (np.sign(rate) or side)
+        if self.drive is None:
+            return found
+        asked = self.drive.by_command + self.drive.by_angle * self.angle + self.drive.offset
+        if isinstance(self.drive, Motor):
+            limit = np.inf if self.drive.fastest is None else self.drive.fastest
+            return found - step * self.drive.torque * (np.sign(rate - np.clip(asked, -limit, limit)) or side)
+        drag = step * self.drive.by_rate * rate + 0.25 * step * step * self.drive.by_angle * (self.rate - rate)
+        limit = np.inf if self.drive.torque is None else step * self.drive.torque
+        return found + np.clip(step * asked - drag, -limit, limit)
+
+    def exact(self, step, return_rate):
+        """The rate after a step, within what stops allow; the impulse falls as the rate grows."""
+        low, high = -1e12, 1e12
+        if self.stops is not None:
+            low, high = (
+                (return_rate if beyond else 1 / step) * (stop - self.angle)
+                for stop, beyond in zip(
+                    self.stops, (self.angle <= self.stops[0], self.angle >= self.stops[1]), strict=True
+                )
+            )
+        start, end = -1e12, 1e12
+        for jump in self.jumps():
+            if self.pull(jump, -1.0, step) >= 0 >= self.pull(jump, 1.0, step):
+                return float(np.clip(jump, low, high))
+        for _ in range(200):
+            middle = 0.5 * (start + end)
+            start, end = (middle, end) if self.pull(middle, 0.0, step) > 0 else (start, middle)
+        return float(np.clip(middle, low, high))
+
+    def jumps(self):
+        """Rates at which the impulse jumps."""
+        found = [0.0]
+        if isinstance(self.drive, Motor):
+            limit = np.inf if self.drive.fastest is None else self.drive.fastest
+            asked = self.drive.by_command + self.drive.by_angle * self.angle + self.drive.offset
+            found.append(float(np.clip(asked, -limit, limit)))
+        return found
+
+
+@pytest.mark.parametrize("step", [2e-4, 2e-3, 0.05])
+@pytest.mark.parametrize("drive", [None, "motor", "servo"])
+def test_the_rate_after_a_step_is_the_only_one_at_which_all_impulses_balance(drive, step):
+    """Whatever the drive, its bounds, friction, springs and stops are, and however far from them it starts."""
+    rng = np.random.default_rng(0)
+    cases = [Case(rng, drive) for _ in range(1200)]
+    engine = RigidEngine([case.tree() for case in cases], World(step, gravity=0.0), threads=1)
+    start = {name: np.array([[getattr(case, name[:-1])] for case in cases]) for name in ("angles", "rates")}
+    run = engine.run(1, commands=None if drive is None else ONE, start=replace(engine.rest(), **start))
+    assert run.residual.max() == 0
+    found = run.velocities[:, 1, 1]
+    expected = np.array([case.exact(step, min(0.2 / step, RETURN)) for case in cases])
+    assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
+    assert np.mean(abs(found) < 1e-9) > 0.02 and len(np.unique(found.round(6))) > 600
