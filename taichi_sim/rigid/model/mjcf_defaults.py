@@ -133,7 +133,7 @@ def _of_actuator(element: Element, inherited: dict[str, str]) -> dict[str, str]:
         if ratio is not None:
             found["dampratio"] = ratio
             found.pop("kv", None)
-        found |= {"constant": "0", "by_length": repr(-number(Element(element.tag, found), "kp")), **_AFFINE}
+        found |= {"by_length": repr(-number(Element(element.tag, found), "kp")), **_AFFINE}  # a constant bias stays
     elif element.tag == "velocity":
         found["kp"] = found["kv"] = found.get("kp", "1") if drag is None else drag
         found.pop("dampratio", None)

@@ -87,7 +87,8 @@ def _servo(actuator: Element, gear: float, ends: tuple[float, float], rest: floa
     middle, half = sum(ends) / 2, (ends[1] - ends[0]) / 2
     if actuator.tag == "motor":
         return Servo(gear * half, 0.0, gear * middle, 0.0, torque)
-    constant, by_length, drag, ratio = 0.0, 0.0, 0.0, 0.0
+    by_length, drag, ratio = 0.0, 0.0, 0.0
+    constant = number(actuator, "constant", "0")
     if actuator.tag == "velocity":
         gain = drag = _gain(actuator, "kv", "1")
     elif actuator.tag == "position":
@@ -101,8 +102,10 @@ def _servo(actuator: Element, gear: float, ends: tuple[float, float], rest: floa
                 f"{named(actuator)}: its gaintype or biastype is not allowed; give fixed, and none or affine"
             )
         if kinds[1] == "affine":
-            constant, by_length = number(actuator, "constant", "0"), number(actuator, "by_length", "0")
+            by_length = number(actuator, "by_length", "0")
             drag, ratio = number(actuator, "kv", "0"), number(actuator, "dampratio", "0")
+        else:
+            constant = 0.0
         if by_length > 0 or (ratio > 0 and gain != -by_length):
             raise ValueError(f"{named(actuator)}: a bias that grows with angle or rate is not allowed; give at most 0")
     by_angle, by_rate = gear * gear * by_length, gear * gear * drag

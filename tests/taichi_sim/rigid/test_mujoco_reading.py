@@ -205,6 +205,10 @@ DIFFERENCES = {
         actuator='<position joint="hip" ctrlrange="-1 1"/>',
         head='<default><general gainprm="9 8" biastype="affine" biasprm="0 -9 -3"/></default>',
     ),
+    "a constant bias of general actuators": leg(
+        actuator='<position joint="hip" kp="5" gear="2" ctrlrange="-1 1"/>',
+        head='<default><general gainprm="9" biasprm="2 -3 -1"/></default>',
+    ),
     "a share of a range": leg('range="-10 30"', '<position joint="hip" inheritrange=".5" gear="2"/>'),
     "a force of a joint": leg('actuatorfrcrange="-3 3"', '<motor joint="hip" ctrlrange="-5 5"/>'),
     "a force range of 0 0": leg(actuator='<motor joint="hip" ctrlrange="-5 5" forcerange="0 0"/>'),
