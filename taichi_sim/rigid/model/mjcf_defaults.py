@@ -133,6 +133,8 @@ def _of_actuator(element: Element, inherited: dict[str, str]) -> dict[str, str]:
         if ratio is not None:
             found["dampratio"] = ratio
             found.pop("kv", None)
+        if "timeconst" in given:
+            found.pop("dyntype", None)
         found |= {"by_length": repr(-number(Element(element.tag, found), "kp")), **_AFFINE}  # a constant bias stays
     elif element.tag == "velocity":
         found["kp"] = found["kv"] = found.get("kp", "1") if drag is None else drag
@@ -155,5 +157,5 @@ def _general(element: Element, found: dict[str, str]) -> None:
         if bias[2] > 0:  # MuJoCo takes it for a ratio
             found["dampratio"] = repr(bias[2])
     found |= {name: element.attrib[name] for name in ("gaintype", "biastype") if name in element.attrib}
-    if element.get("dyntype", "none") != "none":
-        found["dyntype"] = "1"
+    if "dyntype" in element.attrib:
+        found["dyntype"] = element.attrib["dyntype"]

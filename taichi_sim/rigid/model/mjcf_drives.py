@@ -15,6 +15,7 @@ from taichi_sim.rigid.model.tree import Motor, Passive, Servo
 from taichi_sim.rigid.model.xml_values import keyword, named, not_negative, number, numbers
 
 WHOLE_TURN = 2 * np.pi  # rad; targets beyond are likely degrees, which MuJoCo reads as radians
+_LAGS = ("filter", "filterexact")  # dynamics by which a control comes late, but to itself
 _MOST_GEAR = 1e100  # its square stays a number
 
 
@@ -70,11 +71,14 @@ def drive(
         compiler.limits(actuator, "ctrlrange", "ctrllimited")
     elif told == "auto" and not compiler.automatic:
         raise ValueError(f"{named(actuator)}: inheritrange is not allowed without ctrllimited; give it, or autolimits")
+    if (dynamics := actuator.get("dyntype", "none")) not in ("none", *_LAGS):
+        raise ValueError(f"{named(actuator)}: dyntype {dynamics!r} is not allowed; give none, {' or '.join(_LAGS)}")
     low, high = _range(actuator, span, gear)
     servo = _servo(actuator, gear, (low, high), rest, torque)
     held = ideal.fastest if servo.by_angle == 0 else ideal.speed
     ignored = (name for name in DRIVE_NOTES if name != "dampratio" or held is not None)
     also = [f"{name} of drives" for name in ignored if numbers(actuator, name, "0").any()]
+    also += ["dyntype of drives"] if dynamics in _LAGS else []
     if actuator.tag == "position" and (farthest := max(abs(low), abs(high)) / abs(gear)) > WHOLE_TURN:
         also.append(f"that position drives may be told {farthest:g} rad, as ctrlrange is in radians")
     if held is None:

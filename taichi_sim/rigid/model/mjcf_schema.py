@@ -164,7 +164,7 @@ _NOTES = {  # attributes that are ignored, and named unless they are 0
         **dict.fromkeys(_SOFT_CONTACTS, _SOFT),
     },
 }
-DRIVE_NOTES = ("armature", "damping", "dampratio", "delay", "dyntype", "timeconst")  # of actuators, likewise
+DRIVE_NOTES = ("armature", "damping", "dampratio", "delay", "timeconst")  # of actuators, likewise
 
 
 def checked(element: Element) -> Element:

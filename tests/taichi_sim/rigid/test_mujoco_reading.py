@@ -271,6 +271,7 @@ def test_what_has_no_name_is_called_as_nothing_else_is():
         (ball(attributes='gravcomp="1"'), "gravcomp of bodies"),
         (leg('springdamper="1 1"', '<motor joint="hip" ctrlrange="-1 1"/>'), "springdamper of joints"),
         (leg(actuator='<position joint="hip" ctrlrange="-1 1" timeconst="1"/>'), "timeconst of drives"),
+        (leg(actuator='<general joint="hip" ctrlrange="-1 1" dyntype="filter"/>'), "dyntype of drives"),
         (ball(head='<option><flag clampctrl="disable"/></option>'), "flag clampctrl"),
         (
             leg(actuator='<position joint="hip" ctrlrange="-40 40" gear="2"/>'),

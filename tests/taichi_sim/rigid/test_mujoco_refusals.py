@@ -223,6 +223,17 @@ NOT_SUPPORTED = {
         leg(actuator='<general joint="hip" ctrlrange="-1 1" biastype="affine" biasprm="0 2 0"/>'),
         "biases that grow with angle or rate",
     ),
+    "an integrator": (
+        leg(actuator='<general joint="hip" ctrlrange="-1 1" dyntype="integrator"/>'),
+        "`dyntype` other than filters",
+    ),
+    "an integrator of a class": (
+        leg(
+            actuator='<position joint="hip" ctrlrange="-1 1"/>',
+            head='<default><general dyntype="integrator"/></default>',
+        ),
+        "`dyntype` other than filters",
+    ),
     "a muscle": (leg(actuator='<muscle joint="hip" lengthrange="0 1"/>'), "other actuators"),
     "two actuators": (leg(actuator='<motor joint="hip" ctrlrange="-1 1"/>' * 2), "several on a hinge"),
     "an actuator of a body's own frame": (
