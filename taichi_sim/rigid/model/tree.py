@@ -191,7 +191,7 @@ class Hinge:
         command: number of the command that the drive receives.
         stops: smallest and largest angle [rad]; None has no limits.
         rest: the angle at rest as its file counts it [rad]; here it is 0 there, as are stops and commands.
-        passive: the rotor of its drive, a damper and a spring.
+        passive: the rotor of its drive, a damper, a spring and friction.
 
     Raises:
         ValueError: for a value that is not allowed.

@@ -77,6 +77,17 @@ def test_drives_are_told_angles_and_rates_as_their_file_counts_them(tmp_path):
     np.testing.assert_allclose(np.loadtxt(tmp_path / "told.csv", delimiter=",", skiprows=1), rows, atol=1e-9)
 
 
+def test_drives_by_torque_are_told_torques_and_ideal_ones_rates():
+    motors = CRAWLER.replace('<position name="b" joint="hip" kp="30"', '<motor name="b" joint="hip" gear="-5"')
+    point = [1.5, 0.6, 0.1, 0.4, 0.5, 0.2, -0.3]
+    (names, torques), (ideal, rates) = (
+        command_table(ArticulatedRobot(motors, duration=0.3, fastest=fastest), point) for fastest in (None, 7.0)
+    )
+    assert names[1:] == ["a [rad]", "b [N m]"] and ideal[1:] == ["a [rad]", "b [rad/s]"]
+    np.testing.assert_allclose(torques[:, 2] / (-5 * 0.8), rates[:, 2] / -7.0, atol=1e-12)
+    assert abs(torques[:, 2]).max() > 1
+
+
 def test_robots_that_decide_as_they_move_have_no_table(tmp_path):
     feeling = ArticulatedRobot(CRAWLER, reflexes=DriveReflexes(("touch",)))
     with pytest.raises(ValueError, match=r"^commands: a robot with reflexes decides them as it moves; give"):
