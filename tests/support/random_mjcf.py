@@ -174,7 +174,7 @@ class Draw:
             text += self.maybe(0.7, f'kv="{self.rng.uniform(1, 5):.6g}"')
         elif kind == "general":
             if default:
-                text += self.maybe(0.5, 'gainprm="7 1"') + self.maybe(0.5, 'biastype="affine" biasprm="0 -7 -0.3"')
+                text += self.maybe(0.5, 'gainprm="7 1"') + self.maybe(0.5, 'biastype="affine" biasprm="0.4 -7 -0.3"')
             else:
                 bias = self.pick("0 -7 -0.3", "0.4 -3 0", "0 -7 0.6", "0 0 -0.5")
                 text += f' gainprm="7 1" biastype="{self.pick("none", "affine")}" biasprm="{bias}"'
