@@ -311,20 +311,24 @@ def _labels(groups: Sequence[Sequence[History]]) -> list[str]:
     """Labels of groups: the method and the settings in which they differ, or the folder if that is too long."""
     flat = [_flat(_without_seed(group[0].config)) for group in groups]
     labels = []
-    for settings, group in zip(flat, groups, strict=True):
+    for settings, folder in zip(flat, _folders_of(groups), strict=True):
         alike = [other for other in flat if other["method.name"] == settings["method.name"]]
         rivals = {name: alike if name.startswith("method.") else flat for name in sorted(settings)}
         differing = [n for n, others in rivals.items() if len({json.dumps(each.get(n)) for each in others}) > 1]
         own = [f"{name.rpartition('.')[2]} {settings[name]}" for name in differing]
         label = ", ".join([settings["method.name"], *own])
-        labels.append(label if len(label) <= 50 else f"{settings['method.name']} ({_folder_of(group)})")
+        labels.append(label if len(label) <= 50 else f"{settings['method.name']} ({folder})")
     return labels
 
 
-def _folder_of(group: Sequence[History]) -> str:
-    """Name of the folder of a group of runs: that of all seeds, if it has several."""
-    parents = {history.path.parent for history in group}
-    return (parents.pop() if len(group) > 1 and len(parents) == 1 else group[0].path).name
+def _folders_of(groups: Sequence[Sequence[History]]) -> list[str]:
+    """Names of the folders of groups of runs: those of all seeds, if each has its own; else of their first runs."""
+    parents = [{history.path.parent for history in group} for group in groups]
+    own = [
+        len(group) > 1 and len(each) == 1 and parents.count(each) == 1
+        for group, each in zip(groups, parents, strict=True)
+    ]
+    return [(group[0].path.parent if has else group[0].path).name for group, has in zip(groups, own, strict=True)]
 
 
 def _difference(label: str, groups: Mapping[tuple[str | None, str], Sequence[History]]) -> str:

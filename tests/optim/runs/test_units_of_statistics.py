@@ -63,3 +63,5 @@ def test_groups_that_settings_would_tell_at_length_have_the_names_of_their_folde
     runs = [run(folder, seed) for folder in ("legs", "none") for seed in range(2)]
     assert [curve.label for curve in curves(runs, "generations")] == ["race (legs)", "race (none)"]
     assert [curve.label for curve in curves(runs[1:3], "generations")] == ["race (seed-1)", "race (seed-0)"]
+    beside = [replace(each, path=Path("runs") / "-".join(each.path.parts)) for each in runs]
+    assert [curve.label for curve in curves(beside, "generations")] == ["race (legs-seed-0)", "race (none-seed-0)"]
