@@ -138,71 +138,87 @@ def next_mode(robots: ti.template(), body, mode, impulse, loose, slack):
 def next_level(robots: ti.template(), body, mode, way, impulse, loose, slack):
     """The next mode of the row of a servo, or of a hinge that rubs, and which way that turns: 1, -1, or 0 if held.
 
-    The impulse of drive, friction and stops falls as the rate grows, on levels one above the other: that of the lower
+    The impulse of drive, friction and stops falls as the rate grows, on levels one after another: that of the lower
     stop, of the largest impulse, of what the drive wants, of the least impulse, of the upper stop; and where the rate
     is 0 that of friction. A row whose solution lies beyond its level goes on to the next one.
     """
+    rubs = read(robots, body + slots.RUBBING) > 0.0
+    at_rest, held = rubs & (way > -0.5) & (way < 0.5), (mode > 1.5) | (mode < -1.5)
+    driven_mode, driven_way = leave_level(robots, body, mode, way, impulse, loose, slack)
+    rest_mode, rest_way = leave_rest(robots, body, mode, impulse, loose, slack)
+    stop_mode, stop_way = leave_stop(robots, body, mode, way, impulse, loose, slack)
+    after = select(held, stop_mode, select(at_rest, rest_mode, driven_mode))
+    return after, select(held, stop_way, select(at_rest, rest_way, driven_way))
+
+
+@ti.func
+def leave_level(robots: ti.template(), body, mode, way, impulse, loose, slack):
+    """Mode and way after a level of the drive: the first of its ends, a turn round and a stop that the rate passed."""
     servo, rubbing, one = read(robots, body + slots.SERVO), read(robots, body + slots.RUBBING), 0.0 * mode + 1.0
     rate, target = read(robots, body + slots.RATE), read(robots, body + slots.TARGET)
     low, high = read(robots, body + slots.LOW), read(robots, body + slots.HIGH)
     least, most = read(robots, body + slots.LEAST_RATE), read(robots, body + slots.MOST_RATE)
     by_law, firm, absent, rubs = servo >= 0.0, servo < 0.0, low >= high, rubbing > 0.0
-    ahead, behind = target > slack, target < 0.0 - slack  # of rest, of a motor
-    upper, lower = mode > 0.5, mode < -0.5
-    between = (mode > -0.5) & (mode < 0.5)
-    held, stuck = (mode > 1.5) | (mode < -1.5), rubs & (way > -0.5) & (way < 0.5)
-    asked, at_least, at_most = target - servo * rate, target - servo * least, target - servo * most  # of a servo
+    upper, lower, between = mode > 0.5, mode < -0.5, (mode > -0.5) & (mode < 0.5)
+    # Bounds of a servo's impulse beyond which the level ends, where the rate is too high and too low.
+    weakest, strongest = select(upper, high, low), select(lower, low, high)
+    asked = target - servo * rate
+    given = select(by_law, asked, impulse + way * rubbing)
+    too_fast = select(by_law, weakest - loose - asked, rate - target - slack) > 0.0
+    too_slow = select(by_law, asked - strongest - loose, target - rate - slack) > 0.0
+    on = ((upper & too_fast) | (between & (given < low - loose))) & (low < high)
+    back = ((lower & too_slow) | (between & (given > high + loose))) & (low < high)
+    # Whether it comes to rest, or to a stop, before the level ends.
+    rest_on = lower | absent | (by_law & (target >= weakest)) | (firm & upper & (target >= 0.0 - slack))
+    rest_back = upper | absent | (by_law & (target <= strongest)) | (firm & lower & (target <= slack))
+    stop_on = lower | absent | (by_law & (target - servo * most >= weakest))
+    stop_back = upper | absent | (by_law & (target - servo * least <= strongest))
+    turns = rubs & (((way < -0.5) & (rate > slack) & rest_on) | ((way > 0.5) & (rate < 0.0 - slack) & rest_back))
+    above, below = (rate > most + slack) & stop_on, (rate < least - slack) & stop_back
+    rest_first_on, rest_first_back = rubs & (way < -0.5) & (most > 0.0), rubs & (way > 0.5) & (least < 0.0)
+    after = select(above, select(rest_first_on, mode, 0.0 - 2.0 * one), mode)
+    after = select(below, select(rest_first_back, mode, 2.0 * one), after)
+    # A level that lies beyond a stop as a whole is left by its end.
+    after = select(on & ((after > -1.5) | below), mode - one, after)
+    after = select(back & ((after < 1.5) | above), mode + one, after)
+    return select(turns, mode, after), select(turns, 0.0 * one, way)
 
-    # From a level of the drive: a servo's law leaves its bounds, a motor the rate that it wants, or its bounds there.
-    own = impulse + way * rubbing
-    weaker = select(by_law, select(upper, high, low) - loose - asked, rate - target - slack) > 0.0
-    stronger = select(by_law, asked - select(lower, low, high) - loose, target - rate - slack) > 0.0
-    given = select(by_law, asked, own)
-    rises = ((upper & weaker) | (between & (given < low - loose))) & (low < high)
-    falls = ((lower & stronger) | (between & (given > high + loose))) & (low < high)
-    # It turns round first where that is nearer, ...
-    front = by_law & (target >= select(upper, high, low))
-    front = front | lower | absent | (firm & upper & (target >= 0.0 - slack))
-    rear = by_law & (target <= select(lower, low, high))
-    rear = rear | upper | absent | (firm & lower & (target <= slack))
-    turns = ((way < -0.5) & (rate > slack) & front) | ((way > 0.5) & (rate < 0.0 - slack) & rear)
-    # ... or meets a stop.
-    end = lower | absent | (by_law & (at_most >= select(upper, high, low)))
-    start = upper | absent | (by_law & (at_least <= select(lower, low, high)))
-    before_rest, after_rest = rubs & (way < -0.5) & (most > 0.0), rubs & (way > 0.5) & (least < 0.0)
-    above, below = (rate > most + slack) & end, (rate < least - slack) & start
-    mode_then = select(above, select(before_rest, mode, 0.0 - 2.0 * one), mode)
-    mode_then = select(below, select(after_rest, mode, 2.0 * one), mode_then)
-    # Of a level that lies beyond a stop as a whole the drive's end comes first, as it does where that is nearer.
-    mode_then = select(rises & ((mode_then > -1.5) | below), mode - one, mode_then)
-    mode_then = select(falls & ((mode_then < 1.5) | above), mode + one, mode_then)
-    turns = turns & rubs
-    mode_then, way_then = select(turns, mode, mode_then), select(turns, 0.0 * one, way)
 
-    # From rest, where friction holds it: a servo gives its law's impulse, a motor that wants to turn all of its own.
-    law = larger(low, smaller(high, target))
-    law_mode = select(target > high, one, select(target < low, 0.0 - one, 0.0 * one))
-    forwards = stuck & (impulse < select(by_law, law, select(ahead, high, low)) - rubbing - loose)
-    backwards = stuck & (impulse > select(by_law, law, select(behind, low, high)) + rubbing + loose)
-    mode_then, way_then = select(stuck, mode, mode_then), select(stuck, way, way_then)
-    mode_then = select(forwards, select(by_law, law_mode, select(ahead, one, 0.0 - one)), mode_then)
-    mode_then = select(backwards, select(by_law, law_mode, select(behind, 0.0 - one, one)), mode_then)
-    way_then = select(forwards, one, select(backwards, 0.0 - one, way_then))
-    mode_then = select(stuck & (least > slack), 2.0 * one, mode_then)
-    mode_then = select(stuck & (most < 0.0 - slack), 0.0 - 2.0 * one, mode_then)
+@ti.func
+def leave_rest(robots: ti.template(), body, mode, impulse, loose, slack):
+    """Mode and way after friction held a hinge, as far as it goes beside what the drive gives at rest."""
+    rubbing, one = read(robots, body + slots.RUBBING), 0.0 * mode + 1.0
+    least, most = read(robots, body + slots.LEAST_RATE), read(robots, body + slots.MOST_RATE)
+    given_on, mode_on = beside(robots, body, 0.0 * one, one, slack)
+    given_back, mode_back = beside(robots, body, 0.0 * one, 0.0 - one, slack)
+    on, back = impulse < given_on - rubbing - loose, impulse > given_back + rubbing + loose
+    after = select(on, mode_on, select(back, mode_back, mode))
+    after = select(least > slack, 2.0 * one, select(most < 0.0 - slack, 0.0 - 2.0 * one, after))
+    return after, select(on, one, select(back, 0.0 - one, 0.0 * one))
 
-    # From a stop, which cannot pull.
-    law = select(by_law, larger(low, smaller(high, at_least)), select(target > least + slack, high, low))
-    law_mode = select(at_least > high, one, select(at_least < low, 0.0 - one, 0.0 * one))
-    row_mode = select(by_law, law_mode, select(target > least + slack, one, 0.0 - one))
-    to_back = least < 0.0 - slack
-    up = (mode > 1.5) & (impulse < law + select(to_back, rubbing, 0.0 - rubbing) - loose)
-    mode_up, way_up = row_mode, select(to_back, 0.0 - one, one)
-    law = select(by_law, larger(low, smaller(high, at_most)), select(target < most - slack, low, high))
-    law_mode = select(at_most > high, one, select(at_most < low, 0.0 - one, 0.0 * one))
-    row_mode = select(by_law, law_mode, select(target < most - slack, 0.0 - one, one))
-    to_front = most > slack
-    down = (mode < -1.5) & (impulse > law + select(to_front, 0.0 - rubbing, rubbing) + loose)
-    after_stop = select(up, mode_up, select(down, row_mode, mode))
-    way_after = select(up, way_up, select(down, select(to_front, one, 0.0 - one), way))
-    return select(held, after_stop, mode_then), select(held, way_after, way_then)
+
+@ti.func
+def leave_stop(robots: ti.template(), body, mode, way, impulse, loose, slack):
+    """Mode and way after a stop held a hinge, which it does unless it would have to pull."""
+    rubbing, one = read(robots, body + slots.RUBBING), 0.0 * mode + 1.0
+    least, most = read(robots, body + slots.LEAST_RATE), read(robots, body + slots.MOST_RATE)
+    given_on, mode_on = beside(robots, body, least, one, slack)
+    given_back, mode_back = beside(robots, body, most, 0.0 - one, slack)
+    way_on = select(least < 0.0 - slack, 0.0 - one, one)
+    way_back = select(most > slack, one, 0.0 - one)
+    on = (mode > 1.5) & (impulse < given_on - way_on * rubbing - loose)
+    back = (mode < -1.5) & (impulse > given_back - way_back * rubbing + loose)
+    return select(on, mode_on, select(back, mode_back, mode)), select(on, way_on, select(back, way_back, way))
+
+
+@ti.func
+def beside(robots: ti.template(), body, rate, side, slack):
+    """Impulse of a drive and mode of its row at a rate; of a motor just above it (``side`` 1) or below it (-1)."""
+    servo, target = read(robots, body + slots.SERVO), read(robots, body + slots.TARGET)
+    low, high = read(robots, body + slots.LOW), read(robots, body + slots.HIGH)
+    asked, one = target - servo * rate, 0.0 * side + 1.0
+    # Whether the motor wants more than that: also if it wants the rate itself, where it is just below.
+    slower = ((side > 0.0) & (target > rate + slack)) | ((side < 0.0) & (target >= rate - slack))
+    given = select(servo >= 0.0, larger(low, smaller(high, asked)), select(slower, high, low))
+    law_mode = select(asked > high, one, select(asked < low, 0.0 - one, 0.0 * one))
+    return given, select(servo >= 0.0, law_mode, select(slower, one, 0.0 - one))
