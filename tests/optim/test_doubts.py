@@ -112,7 +112,7 @@ def snake(links):
 @pytest.mark.filterwarnings("ignore:model. ignored")
 def test_steps_left_unsolved_are_told(tmp_path):
     (tmp_path / "snake.xml").write_text(snake(20))
-    robot = load_robot(str(tmp_path / "snake.xml"), duration=0.25)
+    robot = load_robot(str(tmp_path / "snake.xml"), duration=0.25, speed=10.0)
     points = np.random.default_rng(0).uniform(*np.transpose([[p.low, p.high] for p in robot.parameters]), (2, 58))
     single, double = (robot.simulate(points, Terrain(), compute=Compute(precision=name)) for name in ("f32", "f64"))
     (told,) = doubts_after(robot, Terrain(), single)
