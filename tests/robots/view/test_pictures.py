@@ -1,6 +1,7 @@
 """Pictures, film strips and films of all robots."""
 
 import sys
+from contextlib import closing
 from dataclasses import replace
 from itertools import pairwise
 
@@ -336,9 +337,9 @@ def test_the_same_gif_twice(tmp_path):
 def test_a_video_has_its_pictures(tmp_path):
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
     save_mp4(motions.vehicle(), tmp_path / "a.mp4", seconds=0.5, rate=10.0, width=200)
-    reader = ffmpeg.read_frames(str(tmp_path / "a.mp4"))
-    about = next(reader)
-    assert about["size"][0] == 200 and sum(1 for _ in reader) == 5
+    with closing(ffmpeg.read_frames(str(tmp_path / "a.mp4"))) as reader:
+        about = next(reader)
+        assert about["size"][0] == 200 and sum(1 for _ in reader) == 5
 
 
 def test_a_video_that_is_not_complete_is_not_there(tmp_path, monkeypatch):
