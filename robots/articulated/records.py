@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from robots.articulated.robot import ArticulatedRobot
 
 USUAL_RATE = 50.0  # of commands [Hz]
-_NEW_NONE = ("speed", "fastest")  # numbers once, with which all drives hold rates
+_LEFT_OUT_IF_NONE = ("speed", "fastest")  # numbers once, with which all drives held rates
 FORMER_SLIP = 0.01  # m/(N s), of earlier versions, whose records do not tell it
 
 
@@ -32,7 +32,7 @@ def record_of(robot: "ArticulatedRobot") -> dict[str, Any]:
     found[FIELD] = record_of_sizes(robot.body_sizes)
     if not robot.body_sizes:  # as before there were any
         del found[FIELD]
-    found = {name: value for name, value in found.items() if value is not None or name not in _NEW_NONE}
+    found = {name: value for name, value in found.items() if value is not None or name not in _LEFT_OUT_IF_NONE}
     if robot.seed == 0:  # as before there was any
         del found["seed"]
     if robot.slip == FORMER_SLIP:  # as a record of those versions is

@@ -33,10 +33,9 @@ def repeat_rows(robots: ti.template(), touching):
     """Robots that touch nothing have the rows of the first phase in all: whether others of their batch touch or not."""
     for b in range(1, robots.plan[slots.BODIES]):
         if is_hinged(robots, b):
-            first = body_at(robots, b) + slots.MODES
-            write(robots, first + 1, select(touching > 0.5, read(robots, first + 1), read(robots, first)))
-            way = body_at(robots, b) + slots.WAYS
-            write(robots, way + 1, select(touching > 0.5, read(robots, way + 1), read(robots, way)))
+            for kind in ti.static((slots.MODES, slots.WAYS)):
+                first = body_at(robots, b) + kind
+                write(robots, first + 1, select(touching > 0.5, read(robots, first + 1), read(robots, first)))
 
 
 @ti.func
