@@ -24,6 +24,7 @@ REFUSED = 2  # exit code, as of other input that is not allowed
 PICTURES = (".pdf", ".png", ".svg")
 TABLES = ("csv", "plain", "c_header")
 OUTPUTS = (*TABLES, "plot", "voxels", "parts", "model", "commands")  # options that name what is written
+OF_TABLES = "rig", "rate", "units", "full_scale"  # options that shape a table of pressures
 COMMAND = Command(
     "export",
     "write a gait for the hardware, surfaces to print, a mould, or a file for other simulators",
@@ -96,6 +97,11 @@ def run(args: argparse.Namespace) -> Report:
         raise ValueError(
             "csv: is missing; name the file to write, or ask for --dry-run or --plot; bodies are written by --parts, "
             "--voxels or --model, what drives of a file's robot are told by --commands"
+        )
+    if not wanted and (idle := [name for name in OF_TABLES if getattr(args, name) is not None]):
+        raise ValueError(
+            f"{idle[0].replace('_', '-')}: it shapes a table of pressures, and none is asked for; leave it out, or "
+            "name --csv, --plain, --c-header or --plot, or ask for --dry-run"
         )
     if args.plot and args.plot.suffix.lower() not in PICTURES:
         raise ValueError(f"plot: {args.plot} is not allowed; give a file that ends in {', '.join(PICTURES)}")

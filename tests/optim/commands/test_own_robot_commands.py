@@ -349,6 +349,8 @@ def test_phases_that_settle_at_rest_are_named(morpholab, tmp_path):
         ("export my_robot.py --pitch 5 --parts a.3mf", "pitch: robot has its own; leave it out"),
         ("export rolling --pitch 5 --csv a.csv", "pitch: it is an option of other kinds (lattice robot); leave it out"),
         ("export my_robot.py --mould draft=2", "mould: it needs a place; give --parts as well"),
+        ("export my_robot.py --voxels a.vxa --rig dissertation", "rig: it shapes a table of pressures"),
+        ("export my_robot.py --parts a.3mf --full-scale 0.1", "full-scale: it shapes a table of pressures"),
         ("export my_robot.py --parts a.3mf --mould draft=80", "draft: 80.0 is not allowed; give a number from 0 to 45"),
         ("export my_robot.py --parts a.3mf --mould wall=-1", "wall: -0.001 is not allowed; give a positive"),
         ("export my_robot.py --parts a.3mf --mould pull=x", "pull: undercut at voxel ("),
