@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from optim.lab import differentiate as differentiate
     from optim.lab import simulate as simulate
     from optim.lab import view as view
+    from optim.many import RobotTrials as RobotTrials
+    from optim.many import simulate_all as simulate_all
     from optim.maximising import Maximum as Maximum
     from optim.maximising import maximise as maximise
     from optim.measures import homeostasis as homeostasis

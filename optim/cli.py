@@ -27,6 +27,7 @@ from optim.commands import (
     report,
     reproduce,
     simulate,
+    simulate_all,
     status,
     sweep,
     tasks,
@@ -130,6 +131,7 @@ def build_parser(asked: str = "") -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
     for command in (
         simulate,
+        simulate_all,
         view,
         codesign,
         work,
