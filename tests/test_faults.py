@@ -68,6 +68,7 @@ CASES = {
     "paraview": Case("view vehicle --paraview frames --frames 20 --quiet"),
     "simulate": Case("simulate --robot vehicle --record-every 100 --out results", many=True),
     "simulate a gait": Case("simulate --gait round.json --geometry small --precision f32 --out results", many=True),
+    "simulate many": Case("simulate-all vehicle voxel_walker.vxa --threads 1 --quiet --out results", many=True),
     "check gradients": Case(
         "gradient-check --robot vehicle --horizons 4 --directions 2 --quiet --out results", many=True
     ),
@@ -110,6 +111,7 @@ READ = {
     "codesign": ("--problem",),
     "work": ("--problem",),
     "simulate": ("--table",),
+    "simulate-all": ("sources",),
     "train": ("--sweep",),
     "reproduce": ("--from-data", "--sweep"),
 }
