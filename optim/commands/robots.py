@@ -8,7 +8,7 @@ import contextlib
 import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +56,12 @@ class Named:
             return "f64"
         run = self.run if has_run(self.run) else run_of_any_seed(self.run) or self.run
         return precision_of_run(run, read_config(run))
+
+    def other_worlds(self, worlds: Sequence[World]) -> str:
+        """Text about the worlds of a run but the first, up to the option that chooses one; empty without any."""
+        if self.run is None or len(worlds) < 2:
+            return ""
+        return f"its run has {', '.join(world.name for world in worlds[1:])}, too: --{self.kind.world_option}"
 
     @property
     def label(self) -> str | None:
@@ -161,7 +167,7 @@ def world_and_own(command: str) -> OptionsOf:
     """The options of a kind that a command has: those of one world, and those that make its robots."""
 
     def options_of(kind: RobotKind) -> Sequence[Option]:
-        return [*kind.world_options, *kind.options_for(command)]
+        return [*(replace(option, once=True) for option in kind.world_options), *kind.options_for(command)]
 
     return options_of
 

@@ -66,24 +66,38 @@ def run(args: argparse.Namespace) -> Report:
     options.claim_folder(args, *FILES)
     named = named_doing(args.robot, gait)
     args.precision = args.precision or named.precision
-    robot, (world, *_) = loaded(named, args.parser.values(args, named.kind))
-    compute, what = options.compute(args, "f64"), gait or args.robot
-    title = f"{what} {world.where}".strip()
+    robot, worlds = loaded(named, args.parser.values(args, named.kind))
+    world, compute, what = worlds[0], options.compute(args, "f64"), gait or args.robot
+    others = named.other_worlds(worlds)
+    title = f"{what} {world.where}".strip() if not others else f"{what} on {world.name}"
     measured = {measure.name for measure in robot.measures}
     own = KINDS.of(robot)  # a file of Python may set a robot of another kind than files of Python are
     place = own.world_option if own.world_option not in measured else "world"
-    values = {name: value for name, value in own.world_values(world).items() if name != own.world_option}
-    about = {"gait" if gait else "robot": what, place: world.name, **values}
+
+    def told_of(world: World) -> dict[str, Any]:
+        values = {name: value for name, value in own.world_values(world).items() if name != own.world_option}
+        return {"gait" if gait else "robot": what, place: world.name, **values}
+
+    about = told_of(world)
+    if args.judge and not args.uncertain:
+        reports = [_judged(args, robot, each, f"{what} on {each.name}" if others else title) for each in worlds]
+        documents = [{**told_of(each), **dict(report.document)} for each, report in zip(worlds, reports, strict=True)]
+        document = {"worlds": documents} if others else documents[0]
+        return Report(document, "\n".join(report.text for report in reports), max(report.code for report in reports))
+    if others and not args.quiet:
+        note(f"{others} tries another")
     if args.uncertain:
         return _uncertain(args, robot, world, title, about)
-    if args.judge:
-        with shown_progress(f"{title}, judged", 1.0, args.quiet) as update:
-            found = robot.judge(world, compute=compute, progress=update)
-        code = FAILED if found.failed else 0
-        return Report({**about, **found.document}, f"{title}: {found.text}", code)
     with shown_progress(title, 1.0, args.quiet) as update:
         outcome = robot.simulate((), world, compute=compute, record_every=args.record_every, progress=update)
     return _report(args, robot, world, outcome, title, about)
+
+
+def _judged(args: argparse.Namespace, robot: Robot, world: World, title: str) -> Report:
+    """How far the robot's speed in a world can be trusted."""
+    with shown_progress(f"{title}, judged", 1.0, args.quiet) as update:
+        found = robot.judge(world, compute=options.compute(args, "f64"), progress=update)
+    return Report(dict(found.document), f"{title}: {found.text}", FAILED if found.failed else 0)
 
 
 def _check_own_robot(args: argparse.Namespace) -> None:

@@ -31,7 +31,7 @@ def _text(document: dict[str, Any]) -> str:
     if document["state"] == "damaged":
         return f"{head}: {document['reason'].removeprefix(document['folder'] + ': ')}"
     if document["generation"] is None:
-        return f"{head}, {document['method']}, no complete generation yet of {document['generations'] + 1}"
+        return f"{head}, {document['method']}, no complete generation yet of {document['generations']}"
     score = Objective(**document["score"])
     parts = [
         f"{head}, {document['method']}",

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from optim.commands import Report, options
 from optim.commands.options import QUIET, Command, Option, count
-from optim.commands.robots import kinds_of_words, loaded, named_source, world_and_own
+from optim.commands.robots import Named, kinds_of_words, loaded, named_source, world_and_own
 from optim.commands.view_files import APPEARANCE, OUTPUTS, TITLE, check_outputs, write_outputs
 from optim.progress import Update, shown_progress
 from optim.wording import spoken_size
-from robots.robot import Robot, RobotKind, World
+from robots.robot import Robot, World
 from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> Report:
     if args.at is not None:
         _check_moment(args.at, [robot for robot, _ in robots])
     motions: list[Motion] = []
-    others = [_others(each.kind, worlds) if each.run else "" for each, (_, worlds) in zip(named, robots, strict=True)]
+    others = [_others(each, worlds) for each, (_, worlds) in zip(named, robots, strict=True)]
     with shown_progress(args.sources[0], float(count), args.quiet) as update:
         for done, (each, (robot, (world, *_))) in enumerate(zip(named, robots, strict=True)):
             update(float(done), args.sources[done])
@@ -100,12 +100,10 @@ def _seconds(time: float) -> str:
     return f"{time:.1f} s" if time >= 0.95 else f"{time:.2g} s"
 
 
-def _others(kind: RobotKind, worlds: Sequence[World]) -> str:
+def _others(named: Named, worlds: Sequence[World]) -> str:
     """A remark on the other worlds of a run, of which the first is shown; empty without any."""
-    if len(worlds) < 2:
-        return ""
-    names = ", ".join(world.name for world in worlds[1:])
-    return f"; its run has {names}, too: --{kind.world_option} shows another"
+    others = named.other_worlds(worlds)
+    return f"; {others} shows another" if others else ""
 
 
 def _tick(update: Update, done: int, part: float) -> None:

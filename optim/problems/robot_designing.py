@@ -171,5 +171,6 @@ class RobotDesigning(Problem):
 
 def subject_of(name: str, worlds: Sequence[World]) -> str:
     """Describe a robot and its worlds in a few words."""
-    places = " and ".join(world.spoken for world in worlds if world.spoken)
+    several = len(worlds) > 1
+    places = " and ".join(world.spoken or f"on {world.name}" for world in worlds if several or world.spoken)
     return f"{name}, {places}" if places else name

@@ -101,7 +101,10 @@ def check_objectives(name: MethodName, objectives: Sequence[str]) -> None:
     if len(objectives) > 1 and not takes_several(name):
         others = ", ".join(known for known in METHODS.builtin if takes_several(known))
         given = ", ".join(objectives)
-        raise ValueError(f"method: {_name_of(name)} takes one objective, not {given}; choose one of {others}")
+        raise ValueError(
+            f"method: {_name_of(name)} takes one objective, not {given}; choose one of {others}, or "
+            "one objective, such as the sum of goals (summed=True of a problem)"
+        )
 
 
 def takes_several(name: MethodName) -> bool:

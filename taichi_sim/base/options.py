@@ -28,6 +28,7 @@ class Option:
         metavar: what the help calls the value.
         choices: the values that are allowed, if these are few.
         several: whether it may be repeated, to give a list.
+        once: whether a second value is refused; else the last one counts.
         commands: names of the commands that have it; empty for all.
         default: the value if it is not given.
         required: whether it must be given.
@@ -40,6 +41,7 @@ class Option:
     metavar: str | None = None
     choices: tuple[Any, ...] = ()
     several: bool = False
+    once: bool = False
     commands: tuple[str, ...] = ()
     default: Any = None
     required: bool = False
@@ -91,13 +93,22 @@ class Option:
         if self.words:
             parser.add_argument(self.name, nargs=None if self.words == "1" else self.words, **settings)
             return
-        action = "append" if self.several else "store"
+        action: Any = "append" if self.several else _Once if self.once else "store"
         parser.add_argument(self.flag, dest=self.name, action=action, required=self.required, **settings)
 
     def add_hidden(self, parser: Any) -> None:
         """Declare the option to a parser that will refuse it: the help leaves it out, and any text is a value."""
         kind = {"action": "store_true", "default": None} if self.type is None else {}
         parser.add_argument(self.flag, dest=self.name, help=argparse.SUPPRESS, **kind)
+
+
+class _Once(argparse.Action):
+    """Stores a value, and refuses a second one."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
+        if getattr(namespace, self.dest) is not None:
+            raise argparse.ArgumentError(self, "it is given twice, and the command takes one; give it once")
+        setattr(namespace, self.dest, values)
 
 
 def flag_of(name: str) -> str:

@@ -248,8 +248,11 @@ def _choose_robot(settings: dict[str, Any], args: SimpleNamespace, asked: Reques
     settings |= uncertain_settings(asked.given, asked.known)
     settings["terrains"] = tuple(args.terrain or settings.get("terrains", ()))
     if not settings["terrains"]:
-        new = f", and {asked.out} holds no run to continue" if asked.resume else ""
-        raise ValueError(f"terrain: none given{new}; say where the robot shall travel, such as --terrain flat")
+        if asked.resume:
+            raise ValueError(
+                f"out: {asked.out} holds no run to continue; `morpholab status {asked.out.parent}` lists those near it"
+            )
+        raise ValueError("terrain: none given; say where the robot shall travel, such as --terrain flat")
 
 
 def _choose_parts(settings: dict[str, Any], args: SimpleNamespace, asked: Request) -> str:

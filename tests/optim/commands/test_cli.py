@@ -147,7 +147,7 @@ BAD_LINES = [
     ("simulate", "gait: none is given; name a gait or a design"),
     ("simulate --gait broken.json", "broken.json: "),
     ("codesign --out new", "terrain: none given; say where"),
-    ("codesign --out new --resume", "terrain: none given, and new holds no run to continue; say where"),
+    ("codesign --out new --resume", "out: new holds no run to continue; `morpholab status .` lists"),
     ("codesign --out new --task gone.toml", "task: gone.toml cannot be read (No such file or directory)"),
     ("codesign --out new --terrain hill:abc", "argument --terrain: 'hill:abc' is unknown"),
     (

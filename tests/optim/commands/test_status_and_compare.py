@@ -47,7 +47,7 @@ def test_status_tells_how_far_runs_are(morpholab, simulator, tmp_path):
     with locked(tmp_path / "runs/cut"):
         code, out, _ = morpholab("status runs/cut runs/none")
     assert out.startswith("runs/cut: running, hill-climb, generation 1/4, best ")
-    assert out.endswith("runs/none: stopped, hill-climb, no complete generation yet of 201\n")
+    assert out.endswith("runs/none: stopped, hill-climb, no complete generation yet of 200\n")
 
 
 def test_runs_that_have_just_begun_are_left_out_of_comparisons(morpholab, simulator, tmp_path):
