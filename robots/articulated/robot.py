@@ -109,6 +109,7 @@ class ArticulatedRobot(Robot):
     worlds = (GROUND,)
     differentiable = True
     horizons = (1, 2, 4)
+    changeable = ("duration", "friction", "slip", "time_step")  # how a design is tried, not what it is
 
     def __post_init__(self) -> None:
         checks.choice("controller", self.controller, get_args(Controller))

@@ -37,6 +37,19 @@ def test_all_are_judged(run, morpholab):
     assert alone == told["worlds"][1]
 
 
+def test_a_design_is_tried_otherwise(run, morpholab):
+    steps = []
+    for options in ("", "--time-step 0.005", "--duration 0.6"):
+        told = json.loads(morpholab(f"simulate --robot run {options} --quiet --json")[1])
+        steps.append(told["steps"])
+    assert steps == [30, 60, 60]
+    slippery = json.loads(morpholab("simulate --robot run/best.json --friction 0.01 --quiet --json")[1])
+    usual = json.loads(morpholab("simulate --robot run/best.json --quiet --json")[1])
+    assert slippery["distance"] != usual["distance"]
+    code, _, error = morpholab("simulate --robot run --slowest 1")
+    assert code == 2 and "slowest: crawler has its own; leave it out" in error
+
+
 def test_a_report_names_all(run, morpholab):
     assert morpholab("report run --out page.html --no-player --quiet")[0] == 0
     assert "<title>run: crawler, on ground and up a slope of 5°" in (run.parent / "page.html").read_text()
