@@ -2,16 +2,17 @@
 
 import argparse
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, goes_on, options
 from optim.commands.options import QUIET, Command, Option, count, path_to
-from optim.commands.robots import kinds_of_robot, own_alone
+from optim.commands.robots import Named, history_of, kinds_of_robot, named_doing, own_alone
 from optim.progress import shown_progress
 from optim.runs.config import GROUND_FILES
 from robots.ground_files import ground_files
-from robots.robot import Robot, RobotKind, find_robot_doing, make_robot
+from robots.robot import Robot, RobotKind, make_robot
 from robots.tasks import Success
 from taichi_sim.base.short_text import counted
 
@@ -32,7 +33,14 @@ COMMAND = Command(
     "much what helps in one environment harms in others (M1 to M4 of chapter 2); senses, how alike environments look "
     "to controllers that succeed everywhere. The same command goes on where an earlier one was.",
     (
-        options.robot("all that is free of it counts as its controller", "(required)"),
+        options.robot("or the folder of a run; all that is free of it counts as its controller", "(required)"),
+        Option(
+            "hold",
+            "parameters that are not its controller, by name or pattern, such as '*_size': they are held as the best "
+            "design of the run has them, or else as searches start; repeat it for more",
+            metavar="NAME",
+            several=True,
+        ),
         Option(
             "environments",
             "a world of the robot, such as flat, hill:5 or the number of a light; repeat it (default: the robot's own)",
@@ -83,9 +91,8 @@ def run(args: argparse.Namespace) -> Report:
         raise ValueError(
             f"controllers: {args.controllers} is not allowed beside --grid, which tries all combinations; leave one out"
         )
-    kind, source = find_robot_doing(args.robot)
-    given = args.parser.values(args, kind)
-    robot = make_robot(kind, source, given)
+    named = named_doing(args.robot, None)
+    kind, robot = named.kind, _robot(named, args.parser.values(args, named.kind), args.hold or ())
     environments = _environments(kind, robot, args.environments, args.success)
     check_bounds(robot, environments)
     drawn = args.controllers or USUAL_CONTROLLERS
@@ -110,6 +117,26 @@ def run(args: argparse.Namespace) -> Report:
         return ""
 
     return Report(document, "\n".join(_lines(robot, environments, found))).written_by(write)
+
+
+def _robot(named: Named, given: Mapping[str, Any], hold: Sequence[str]) -> Robot:
+    """The robot that is named, with what is to be held of it fixed.
+
+    Raises:
+        ValueError: for a run of which nothing is held: its best design would not matter.
+    """
+    from optim.named import some_of
+    from optim.problems import offered_by_run
+    from robots.partly_fixed import held_at
+
+    if named.run is None:
+        robot = make_robot(named.kind, named.source, given)
+        return held_at(robot, robot.start, hold) if hold else robot
+    robot, best = offered_by_run(history_of(named.run))
+    if not hold:
+        free = some_of([parameter.name for parameter in robot.parameters], NAMES_TOLD)
+        raise ValueError(f"hold: say what of the best design of {named.run} is no controller, of {free}")
+    return held_at(robot.changed(given), best, hold)
 
 
 def _environments(kind: RobotKind, robot: Robot, worlds: list[str] | None, bounds: list[Success]) -> "Environments":

@@ -198,7 +198,7 @@ def check_bounds(robot: Robot, environments: Environments) -> None:
     if not robot.parameters:
         raise ValueError(
             f"robot: nothing of {robot.name} is free, so it has no controllers to try; give one that has, such "
-            f"as {MEASURABLE}"
+            f"as {MEASURABLE}, or a run, with --hold for what is no controller"
         )
     check_success(chain.from_iterable(environments.success), robot, environments.worlds)
 

@@ -111,6 +111,18 @@ def robot_of_run(
     return problem.robot_of(kept_point(history, problem, member)), problem.tried_in
 
 
+def offered_by_run(history: "History") -> "tuple[Robot, Floats]":
+    """Return the robot of a run with its free parameters, and the best point of these, shape (P,).
+
+    Raises:
+        ValueError: if there is none yet, or the run designs no robots by parameters of theirs.
+    """
+    problem = _problem_of_robots(history.path, history.config)
+    if problem.offered is None:
+        raise ValueError(f"robot: what {history.path} designs are no parameters of one robot; give the robot itself")
+    return problem.offered, kept_point(history, problem, None)
+
+
 def precision_of_run(path: Path, config: Mapping[str, Any]) -> Precision:
     """Return the precision in which a run has simulated its robots, ``"f32"`` or ``"f64"``.
 

@@ -1,0 +1,133 @@
+"""A robot some of whose parameters are held, as those of a body that a search has found."""
+
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robots.delegation import delegating
+from robots.robot import Outcome, Parameter, Robot, Trial, World
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import nearest
+from taichi_sim.base.short_text import counted
+
+if TYPE_CHECKING:
+    from robots.uncertainty import Perturbation
+
+MOST_TOLD = 12  # names in a message
+
+
+def held_at(robot: Robot, point: ArrayLike, patterns: Iterable[str]) -> "PartlyFixed":
+    """Hold the parameters whose names match any of some patterns at their values in a point; the others stay free.
+
+    Args:
+        robot: the robot.
+        point: values of all its P parameters, shape (P,).
+        patterns: names, or patterns of names such as ``"size_*"``.
+
+    Raises:
+        ValueError: for a pattern that matches none, or if nothing stays free.
+    """
+    names = [parameter.name for parameter in robot.parameters]
+    values = robot.points(point)[0]
+    held = dict[str, float]()
+    for pattern in patterns:
+        found = [name for name in names if fnmatchcase(name, pattern)]
+        if not found:
+            told = ", ".join(names[:MOST_TOLD]) + (f", ... ({len(names)})" if len(names) > MOST_TOLD else "")
+            raise ValueError(f"hold: {pattern} matches none of {told}{nearest(pattern, names)}")
+        held |= {name: float(values[names.index(name)]) for name in found}
+    return PartlyFixed(robot, held)
+
+
+@delegating("robot", {"points": "_completed", "point": "_completed_one"})
+class PartlyFixed(Robot):
+    """A robot with fewer free parameters: some are held. It asks the robot all that is not defined here.
+
+    Example:
+        >>> from robots.robot import KINDS
+        >>> vehicle = KINDS["vehicle"].build(None, {"design": 162})
+        >>> [parameter.name for parameter in PartlyFixed(vehicle, {"w1": 0.5}).parameters]
+        ['w2']
+    """
+
+    exportable, pictured, can_be_judged = False, False, False
+    judge, table, rig_report, save_picture = Robot.judge, Robot.table, Robot.rig_report, Robot.save_picture
+    start, points, differentiate = Robot.start, Robot.points, Robot.differentiate
+    simulate, simulate_in = Robot.simulate, Robot.simulate_in
+
+    def __init__(self, robot: Robot, held: Mapping[str, float]) -> None:
+        """Hold parameters of a robot at values, by their names.
+
+        Raises:
+            ValueError: for names that it has no parameters of, or if none stays free.
+        """
+        names = [parameter.name for parameter in robot.parameters]
+        for name in held:
+            if name not in names:
+                raise ValueError(f"held: {name!r} is no free parameter{nearest(name, names)}")
+        self.robot, self.held = robot, dict(held)
+        self._free = np.array([name not in held for name in names], bool)
+        if not self._free.any():
+            raise ValueError(f"held: all {counted(len(names), 'parameter')} are; leave some free")
+        self._values = np.array([held.get(name, 0.0) for name in names])
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """The parameters that are free."""
+        return tuple(each for each, free in zip(self.robot.parameters, self._free, strict=True) if free)
+
+    def _completed(self, points: ArrayLike) -> Floats:
+        """Points of the robot, shape (N, P), for those of this one, shape (N, F)."""
+        given = self.points(points)
+        whole = np.tile(self._values, (len(given), 1))
+        whole[:, self._free] = given
+        return whole
+
+    def _completed_one(self, point: ArrayLike) -> Floats:
+        """The point of the robot, shape (P,), for that of this one, shape (F,)."""
+        return np.array(self._completed(point)[0])
+
+    def _own(self, outcome: Outcome) -> Outcome:
+        """An outcome with gradients by what is free."""
+        slopes = {name: values[:, self._free] for name, values in outcome.gradients.items()}
+        return dataclasses.replace(outcome, gradients=slopes)
+
+    def run(self, points: Floats, trial: Trial) -> Outcome:
+        """Try the robot at points of this one, shape (N, F)."""
+        return self._own(self.robot.run(self._completed(points), trial))
+
+    def run_in(
+        self, points: Floats, worlds: Sequence[World], trial: Trial, variants: Sequence[Self] = ()
+    ) -> list[Outcome]:
+        """Try it in several worlds, in the robot's own way, which may make one batch of them."""
+        found = self.robot.run_in(self._completed(points), worlds, trial, [variant.robot for variant in variants])
+        return [self._own(outcome) for outcome in found]
+
+    def perturbed(self, drawn: "Perturbation") -> Self:
+        """The same, with what a draw says of the robot."""
+        return type(self)(self.robot.perturbed(drawn), self.held)
+
+    def at_horizon(self, length: int) -> tuple[str, Self]:
+        """The same in trials of another length."""
+        spoken, robot = self.robot.at_horizon(length)
+        return spoken, type(self)(robot, self.held)
+
+    def changed(self, options: Mapping[str, Any]) -> Self:
+        """The same of the robot with other values of options."""
+        return type(self)(self.robot.changed(options), self.held)
+
+    def design(self, point: ArrayLike) -> Robot:
+        """The robot of one point, with nothing free."""
+        return self.robot.design(self._completed_one(point))
+
+    def describe(self) -> dict[str, Any]:
+        """All that results depend on: the robot, and the values that are held."""
+        return {"robot": self.robot.describe(), "held": dict(self.held)}
+
+    def document(self) -> dict[str, Any]:
+        """What the robot tells machines, and the values that are held."""
+        return {**self.robot.document(), "held": dict(self.held)}
