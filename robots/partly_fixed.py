@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.delegation import delegating
-from robots.robot import Outcome, Parameter, Robot, Trial, World
+from robots.robot import Outcome, Parameter, Robot, RobotKind, Trial, World
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import nearest
+from taichi_sim.base.checks import nearest, number, table
 from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
@@ -41,6 +41,14 @@ def held_at(robot: Robot, point: ArrayLike, patterns: Iterable[str]) -> "PartlyF
             raise ValueError(f"hold: {pattern} matches none of {told}{nearest(pattern, names)}")
         held |= {name: float(values[names.index(name)]) for name in found}
     return PartlyFixed(robot, held)
+
+
+def robot_of_description(kind: RobotKind, description: Mapping[str, Any]) -> Robot:
+    """Build a robot from what ``Robot.describe`` returned, also one some of whose parameters are held."""
+    if description.keys() == {"robot", "held"}:
+        held = {name: number(name, value) for name, value in table("held", description["held"]).items()}
+        return PartlyFixed(kind.from_description(description["robot"]), held)
+    return kind.from_description(description)
 
 
 @delegating("robot", {"points": "_completed", "point": "_completed_one"})

@@ -29,6 +29,7 @@ from optim.problems.uncertain import (
     under_risk,
 )
 from optim.space import Space
+from robots.partly_fixed import robot_of_description
 from robots.robot import KINDS, Facts, Measure, Outcome, Robot, Trial, World, without_lost
 from robots.uncertainty import Risk, Score
 from taichi_sim.base.arrays import Floats
@@ -394,4 +395,4 @@ class RobotProblem(JudgedRobot):
         settings = {name: value for name, value in description.items() if name != "kind"}
         kind = KINDS.find(description["kind"])
         worlds = tuple(kind.world_of(record) for record in description["worlds"])
-        return {**settings, "worlds": worlds, "robot": kind.from_description(parse_json(description["robot"]))}
+        return {**settings, "worlds": worlds, "robot": robot_of_description(kind, parse_json(description["robot"]))}

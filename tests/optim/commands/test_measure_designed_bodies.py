@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from articulated_files import CRAWLER
 
+from morpholab import build_method, open_run, run_search
+from optim.problems import problem_of_run
+from optim.problems.robot import RobotProblem
+from optim.runs.config import read_config, settings_of
 from robots.articulated.robot import ArticulatedRobot
+from robots.free import Free
+from robots.partly_fixed import held_at
 
 BODY = "--robot crawler.xml --duration 0.3 --body-sizes front=0.5:2"
 TRIED = "--success 'speed >= 0.01' --controllers 12 --quiet --json"
@@ -65,3 +71,20 @@ def test_a_run_of_which_nothing_is_held_is_refused(crawler, morpholab):
     )
     code, _, error = morpholab(f"measure --robot run {TRIED} --out a")
     assert code == 2 and "hold: say what of the best design of run is no controller, of frequency, " in error
+
+
+@pytest.mark.kernels
+def test_a_search_with_parameters_held_goes_on_and_its_design_is_the_robots(crawler, morpholab):
+    robot = ArticulatedRobot(CRAWLER, duration=0.3, body_sizes={"front": Free(0.5, 2.0)})
+    held = held_at(robot, [*robot.start[:-1], 1.5], ["*_size"])
+    problem, folder = RobotProblem(held, ["flat"]), crawler / "run"
+    settings = {"climbers": 2, "seed": 0}
+    with open_run(folder, settings_of(problem, "random", settings, 2)) as run:
+        run_search(problem, build_method("random", problem.space, settings), run, 2)
+    assert problem_of_run(folder, read_config(folder)).describe() == problem.describe()
+    code, out, error = morpholab("codesign --resume --generations 3 --quiet --json --out run")
+    assert code == 0, error
+    assert json.loads((folder / "best.json").read_text())["values"]["front_size"] == 1.5
+    best = json.loads(morpholab("status run --json")[1])[0]["best"]
+    code, out, _ = morpholab("simulate --robot run --quiet --json")
+    assert code == 0 and json.loads(out)["speed"] == pytest.approx(best)
