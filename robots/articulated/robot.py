@@ -66,7 +66,7 @@ class ArticulatedRobot(Robot):
         light: place of a light [m], seen from the base's centre by networks, reflexes and environments; None for none.
         friction: coefficient of friction; infinite: without a cone, which has gradients; None: that of the file, or 1.
         slip: speed of a point on the ground for each newton of friction [m/(N s)]; None: so little that robots of any
-            weight hold, see ``taichi_sim.rigid.World``.
+            weight hold, see ``taichi_sim.rigid.Physics``.
         angles: of hinges at the start, by their joints' names [rad]; else as in the file.
         fixed: whether a URDF robot's base is fixed to the world whatever its file says; MJCF says so itself.
         speed: of position drives that hold rates [1/s]; None: those of MJCF are servos, see ``files.Reading``.
@@ -204,11 +204,11 @@ class ArticulatedRobot(Robot):
         return Senses(self.model.senses.touch, eyes)
 
     @cached_property
-    def physics(self) -> rigid.World:
+    def physics(self) -> rigid.Physics:
         """Physical world: time step and gravity of the model, and the friction and slip of the robot's fields."""
         own = self.model.world
         friction = own.friction if self.friction is None else float(self.friction)
-        return rigid.World(own.time_step, own.gravity, self.slip, friction, own.error_reduction, own.integration)
+        return rigid.Physics(own.time_step, own.gravity, self.slip, friction, own.error_reduction, own.integration)
 
     @property
     def network(self) -> Network:

@@ -40,7 +40,7 @@ def on_ground(world: World) -> World:
     return terrain
 
 
-def tilted(robot: "ArticulatedRobot", world: World) -> rigid.World:
+def tilted(robot: "ArticulatedRobot", world: World) -> rigid.Physics:
     """The physics of a robot on ground that rises along its heading; the robot is turned with it."""
     slope = world.slope if isinstance(world, Terrain) else 0.0
     if slope == 0:
@@ -50,7 +50,7 @@ def tilted(robot: "ArticulatedRobot", world: World) -> rigid.World:
     return replace(robot.physics, gravity=down * math.cos(angle), gravity_across=(float(x), float(y)))
 
 
-def physics_in(robot: "ArticulatedRobot", world: World) -> rigid.World:
+def physics_in(robot: "ArticulatedRobot", world: World) -> rigid.Physics:
     """The physics of a robot in a world: in a fluid it neither sinks nor rises, and feels its drag."""
     physics = tilted(robot, world)
     if not isinstance(world, Terrain) or not world.is_wet:

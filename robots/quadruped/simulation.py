@@ -22,7 +22,7 @@ from robots.quadruped.body import (
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import ComputeOptions
 from taichi_sim.base.short_text import ShortText
-from taichi_sim.rigid import Network, RigidEngine, RigidResult, World
+from taichi_sim.rigid import Network, Physics, RigidEngine, RigidResult
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,7 +66,7 @@ def engine(
         raise ValueError("robots: an empty list is not allowed; give at least one")
     if len({each.kind for each in several}) > 1:
         raise ValueError("robots: several kinds are not allowed at once; give robots of one kind")
-    world = World(TIME_STEP, GRAVITY, SLIP, integration="velocity")
+    world = Physics(TIME_STEP, GRAVITY, SLIP, integration="velocity")
     network = Network(1.0, variant.gain, variant.touch_values)
     trees = [each.tree(variant) for each in several]
     return RigidEngine(trees, world, several[0].senses(), network, width=width, **compute)

@@ -13,7 +13,7 @@ from robots.rover.body import LIGHT_HEIGHT, LIGHTS, SENSES, STEPS, Rover
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.compute import ComputeOptions
 from taichi_sim.base.short_text import ShortText
-from taichi_sim.rigid import Network, RigidEngine, RigidResult, World
+from taichi_sim.rigid import Network, Physics, RigidEngine, RigidResult
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -69,7 +69,7 @@ def engine(
     Raises:
         ValueError: for no vehicle.
     """
-    world, network = World(TIME_STEP, GRAVITY, SLIP, integration="velocity"), Network(memory=0.0)
+    world, network = Physics(TIME_STEP, GRAVITY, SLIP, integration="velocity"), Network(memory=0.0)
     return RigidEngine([each.tree() for each in as_list(rovers)], world, SENSES, network, width=width, **compute)
 
 

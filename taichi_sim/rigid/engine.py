@@ -16,7 +16,7 @@ from taichi_sim.ground.relief import GroundTables, Relief, ground_tables
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.feedback import Feedback, roll
 from taichi_sim.rigid.gradient import RigidTape
-from taichi_sim.rigid.model.settings import Network, World
+from taichi_sim.rigid.model.settings import Network, Physics
 from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.run import Run
 from taichi_sim.rigid.session import RigidSession
@@ -66,7 +66,7 @@ class RigidEngine:
     def __init__(
         self,
         trees: Tree | Sequence[Tree],
-        world: World | None = None,
+        world: Physics | None = None,
         senses: Senses | None = None,
         network: Network | None = None,
         *,
@@ -77,7 +77,7 @@ class RigidEngine:
         self.trees = [trees] if isinstance(trees, Tree) else list(trees)
         if not self.trees:
             raise ValueError("trees: an empty list is not allowed; give at least one tree")
-        self.world, self.senses, self.network = world or World(), senses or Senses(), network or Network()
+        self.world, self.senses, self.network = world or Physics(), senses or Senses(), network or Network()
         self.compute, self.width = Compute.given(compute), width
         self._reliefs = [] if ground is None else [ground] if isinstance(ground, Relief) else list(ground)
         self._ground = None if ground is None else self._tables()

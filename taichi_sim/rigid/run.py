@@ -13,7 +13,7 @@ from taichi_sim.base.compute import Compute
 from taichi_sim.ground.relief import GroundTables
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.kernels import gradient_kernel, rollout_kernel
-from taichi_sim.rigid.model.settings import EARTH, World
+from taichi_sim.rigid.model.settings import EARTH, Physics
 from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.pose import momenta, poses, velocities
 from taichi_sim.rigid.state import Frames, RigidResult, State
@@ -44,7 +44,7 @@ class Run:
     """
 
     trees: Sequence[Tree]
-    world: World
+    world: Physics
     given: Given
     numbers: Mapping[int, Floats]
     settings: np.ndarray

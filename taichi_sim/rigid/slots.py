@@ -16,15 +16,15 @@ BODY, PARAMETER, POINT, POINT_PARAMETER, LIGHT_PARAMETER, WATER, PORTION, WET_BO
 READING, NEURON, WEIGHT, COMMAND, MATRIX, FACTOR, SLOTS = range(29, 36)
 POINT_BODIES, PATHS, EYES, PORTION_BODIES, STATE, FRAME, PLACES = range(36, 43)
 
-# Places in the array of numbers that all robots of a run share: see ``World`` and ``Network``. PUSH_OUT is the error
+# Places in the array of numbers that all robots of a run share: see ``Physics`` and ``Network``. PUSH_OUT is the error
 # reduction in a second, LEAST_COMPLIANCE a part of a diagonal entry, FLOATING 0 where the base is fixed to the world;
 # GRAVITY is the first of three.
 TIME_STEP, PUSH_OUT, FRICTION, COMPLIANCE, LEAST_COMPLIANCE, MEMORY, GAIN, APART, TOUCHING, FLOATING = range(10)
 TOLERANCE, GRAVITY = range(10, 12)
 
 # The head of the memory: base position and orientation, the light, its smallest horizontal distance squared so far,
-# steps before divergence (negative: none), the worst unsolved residual; then factor, right-hand side and velocity; the
-# strength of the friction of points that hold, see ``World.slip_strength``; how far impulses may be from their bounds.
+# steps before divergence (negative: none), the worst unsolved residual; then factor, right-hand side and velocity;
+# strength of friction of points that hold, see ``Physics.slip_strength``; how far impulses may be from their bounds.
 POSITION, ORIENTATION, LIGHT, POSE_WIDTH = 0, 3, 7, 7
 CLOSEST, DIVERGED, RESIDUAL = 10, 11, 12
 ROOT, ROOT_RIGHT, SLIP_STRENGTH, IMPULSE_TOLERANCE, HEAD = 13, 34, 40, 41, 42

@@ -12,7 +12,7 @@ import numpy as np
 from rigid_bodies import draw_tree, touchable, varied, with_dynamics
 
 from taichi_sim.ground.relief import Relief, Water
-from taichi_sim.rigid import Network, RigidEngine, Senses, Tree, World
+from taichi_sim.rigid import Network, Physics, RigidEngine, Senses, Tree
 from taichi_sim.rigid.feedback import Felt
 from taichi_sim.rigid.state import State
 
@@ -128,10 +128,10 @@ def make_case(number: int) -> RigidCase:
     return RigidCase(number, tuple(features), trees, grounds, options, state, steps, hold, every, given, maps)
 
 
-def draw_world(rng: np.random.Generator, around: str) -> World:
+def draw_world(rng: np.random.Generator, around: str) -> Physics:
     """Any world that its ground allows."""
     tilted = rng.random() < 0.3 and around not in ("water", "wet sand")
-    return World(
+    return Physics(
         time_step=float(rng.choice([0.005, 0.01, 0.02, 0.05])),
         gravity=float(rng.choice([-9.81, -2.0, 0.0], p=[0.7, 0.2, 0.1])),
         slip=None if rng.random() < 0.5 else float(10 ** rng.uniform(-5, -1)),
@@ -187,7 +187,7 @@ def draw_state(rng: np.random.Generator, trees: Sequence[Tree], grounds: tuple[R
     bent = 0.9 * rng.uniform(ends[:, 0], ends[:, 1], (batch, len(hinges))) * (rng.random() < 0.7)
     turned = np.concatenate([np.ones((batch, 1)), rng.normal(0, 0.2, (batch, 3))], axis=1)
     still = float(rng.random() < 0.7)
-    start = RigidEngine(trees, World(friction=1.0), ground=grounds).standing()
+    start = RigidEngine(trees, Physics(friction=1.0), ground=grounds).standing()
     lifted = rng.choice([-0.01, 0.002, 0.1], p=[0.4, 0.4, 0.2]) * rng.uniform(0.5, 1.5, batch)
     floating = 0.0 if trees[0].fixed else 1.0
     position = start.position + floating * np.stack([*rng.uniform(-0.1, 0.1, (2, batch)), lifted], axis=1)

@@ -9,7 +9,7 @@ from mujoco_reading import Pair
 from rigid_oracle import Oracle
 from scipy.spatial.transform import Rotation
 
-from taichi_sim.rigid import Motor, RigidEngine, State, Tree, World
+from taichi_sim.rigid import Motor, Physics, RigidEngine, State, Tree
 
 STEP = 1e-3  # s, of accelerations, which do not depend on it
 _OWN_FORCES = re.compile(r' (armature|frictionloss|damping|stiffness|gravcomp)="[^"]*"')
@@ -90,7 +90,7 @@ class Pose:
         """
         still = replace(self.state, velocity=0 * self.state.velocity, rates=0 * self.state.rates)
         trees, world = [self._pushed(number) for number in tests], self.pair.model.world
-        engine = RigidEngine(trees, World(STEP, world.gravity), precision="f64", threads=1)
+        engine = RigidEngine(trees, Physics(STEP, world.gravity), precision="f64", threads=1)
         start = State(*(np.repeat(getattr(still, name), len(trees), 0) for name in State.__dataclass_fields__))
         done = engine.run(1, commands=np.ones((len(trees), 1, 1)), start=start)
         self.data.qvel[:] = 0.0
@@ -128,7 +128,7 @@ class Pose:
 def pendulum(text, step, steps):
     """Where hinges, or the free base, come to from rest in the lab and in MuJoCo, by steps of the same kind."""
     pair = Pair(text)
-    mine = RigidEngine(pair.tree, World(step, pair.model.world.gravity), precision="f64", threads=1).run(steps)
+    mine = RigidEngine(pair.tree, Physics(step, pair.model.world.gravity), precision="f64", threads=1).run(steps)
     pair.theirs.opt.timestep = step
     pair.theirs.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     data = mujoco.MjData(pair.theirs)

@@ -1,6 +1,6 @@
 """A second implementation of the rigid engine's step, slow and plain: explicit Jacobians, dense matrices, pivoting.
 
-It shares descriptions (``Tree``, ``World``) with the engine and nothing else. A body's velocity is J u, u being that
+It shares descriptions (``Tree``, ``Physics``) with the engine and nothing else. A body's velocity is J u, u being that
 of the base and the rates of hinges. The impulse of a motor, its stops or a normal falls in stairs as its rate grows: a
 motor's at the rate that it wants, from all its strength one way to all of it the other way; a stop's at the rate that
 leads no farther than to it, from any impulse to none; a normal's likewise, on sand from an upper bound. In each phase

@@ -8,12 +8,12 @@ import numpy as np
 
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import check_fields
-from taichi_sim.rigid.model.settings import World
+from taichi_sim.rigid.model.settings import Physics
 from taichi_sim.rigid.model.shapes import Box, Capsule, Size, Solid, Sphere
 from taichi_sim.rigid.model.tree import Body, Hinge, Joint, Tree, Weld
 from taichi_sim.rigid.tables import Senses
 
-USUAL = World(time_step=0.002, friction=1.0)  # MuJoCo's defaults, for what a file does not say
+USUAL = Physics(time_step=0.002, friction=1.0)  # MuJoCo's defaults, for what a file does not say
 _STRAIGHT = 1e-3  # sines below it are rounding: 1.57 for a right angle
 DEEPEST, DEEPEST_SHARE = 5e-3, 0.05  # m, and share of its height, that a robot of a file may start in the ground
 SHALLOW = 1e-4  # m, a depth in the ground that is rounding
@@ -37,7 +37,7 @@ class Model:
 
     tree: Tree
     senses: Senses
-    world: World
+    world: Physics
     commands: tuple[str, ...]
     ignored: tuple[str, ...]
 

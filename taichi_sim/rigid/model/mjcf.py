@@ -37,7 +37,7 @@ from taichi_sim.rigid.model.mjcf_schema import (
     notes,
     unusual_flags,
 )
-from taichi_sim.rigid.model.settings import World
+from taichi_sim.rigid.model.settings import Physics
 from taichi_sim.rigid.model.tree import Hinge, Joint, Motor, Passive, Servo, Weld
 from taichi_sim.rigid.model.xml_values import direction, keyword, named, not_negative, number, numbers, with_names
 from taichi_sim.rigid.tables import Senses
@@ -293,8 +293,8 @@ class MjcfReader:
         """Time step of the file [s]."""
         return positive("timestep of option", number(self.option, "timestep", str(USUAL.time_step)))
 
-    def world(self) -> World:
-        """World settings of the file: time step, gravity and friction."""
+    def world(self) -> Physics:
+        """Settings of physics in the file: time step, gravity and friction."""
         gravity, frictions = numbers(self.option, "gravity", "0 0 -9.81"), self.contacts.frictions
         if len(gravity) != 3 or gravity[:2].any():
             raise ValueError(f"option: gravity {self.option.get('gravity')!r} is not allowed; give one along z")
@@ -302,7 +302,7 @@ class MjcfReader:
             gravity = np.zeros(3)
         if len(frictions) > 1:
             self.ignored[f"frictions below {max(frictions):g}, the largest"] = None
-        return World(self.time_step, float(gravity[2]), friction=max(frictions, default=USUAL.friction))
+        return Physics(self.time_step, float(gravity[2]), friction=max(frictions, default=USUAL.friction))
 
     def all_ignored(self) -> tuple[str, ...]:
         """Entries of the file that the engine does not support, one for each kind."""

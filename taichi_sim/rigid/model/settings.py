@@ -27,7 +27,7 @@ def _two(field: str, values: tuple[float, float]) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class World:
+class Physics:
     """Ground, gravity and time step of a simulation.
 
     Attributes:

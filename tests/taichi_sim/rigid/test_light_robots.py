@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taichi_sim.ground import Relief
-from taichi_sim.rigid import Body, Box, Hinge, Motor, RigidEngine, Sphere, Tree, World
+from taichi_sim.rigid import Body, Box, Hinge, Motor, Physics, RigidEngine, Sphere, Tree
 from taichi_sim.rigid import engine as engine_module
 
 pytestmark = pytest.mark.kernels
@@ -25,7 +25,7 @@ def stool(mass: float) -> Tree:
 
 
 def stand(precision: str, steps: int, time_step: float = 0.002):
-    world = World(time_step=time_step, friction=0.5)
+    world = Physics(time_step=time_step, friction=0.5)
     robots = RigidEngine([stool(mass) for mass in MASSES], world, precision=precision, threads=1)
     return robots.run(steps)
 
@@ -56,7 +56,7 @@ def test_light_boxes_topple_as_heavy_ones_do(precision):
         for scale in (1.0, 0.01):
             mass, slip = 3.0 * scale**3, 1e-4 * np.sqrt(scale) / (3.0 * scale**3 * 9.81)
             box = Tree([Body("box", (0, 0, 0.15 * scale), mass, [Box((0.1 * scale, 0.1 * scale, 0.3 * scale))])])
-            world = World(1e-3 * np.sqrt(scale), gravity_across=(0.5 * 9.81, 0.0), slip=slip)
+            world = Physics(1e-3 * np.sqrt(scale), gravity_across=(0.5 * 9.81, 0.0), slip=slip)
             found = RigidEngine(box, world, ground=ground, precision=precision, threads=1).run(250)
             assert found.status[0] == "ok" and found.residual[0] == 0
             turned.append(2 * np.degrees(np.arccos(abs(found.orientation[0, 0]))))
@@ -76,7 +76,7 @@ def test_light_arms_fall_as_heavy_ones_do(share, precision):
         hinge = Hinge("base", "arm", (0, 0, 1), (0, 1, 0), motor, 0 if share else None)
         return Tree(bodies, [hinge], fixed=True)
 
-    engine = RigidEngine([arm(mass) for mass in masses], World(time_step), precision=precision, threads=1)
+    engine = RigidEngine([arm(mass) for mass in masses], Physics(time_step), precision=precision, threads=1)
     done = engine.run(steps, commands=np.zeros((1, 1, 1)) if share else None, hold=steps)
     first = (1 - share) * 9.81 / (length * (1 + 0.4 / 16)) * time_step**2 * steps * (steps + 1) / 2
     assert np.ptp(done.angles) < 1e-5 * first and done.angles[0, 0] == pytest.approx(first, rel=0.02)
@@ -94,7 +94,7 @@ def test_weak_motors_brake_no_faster_than_their_torque_allows(precision):
         motor = Motor.velocity(rate, torque)
         return Tree(bodies, [Hinge("base", "arm", (0, 0, 1), (0, 1, 0), motor, 0)], fixed=True)
 
-    world = World(time_step, gravity=0.0)
+    world = Physics(time_step, gravity=0.0)
     commands = np.append(np.ones(10), -1.0)[None, :, None]
     engine = RigidEngine([arm(torque) for torque in torques], world, precision=precision, threads=1)
     done = engine.run(11 * held, commands=commands, hold=held)

@@ -13,11 +13,11 @@ from taichi_sim.rigid import (
     Capsule,
     Hinge,
     Motor,
+    Physics,
     RigidEngine,
     RigidResult,
     Senses,
     Tree,
-    World,
 )
 
 pytestmark = pytest.mark.kernels
@@ -65,7 +65,7 @@ def test_so_it_is_with_momenta_coulomb_friction_and_bodies_that_differ(precision
     def run_some(chosen, **settings):
         engine = RigidEngine(
             [trees[n] for n in chosen],
-            World(0.02, slip=1e-3, friction=0.7),
+            Physics(0.02, slip=1e-3, friction=0.7),
             LEGGED.senses(),
             precision=precision,
             threads=1,
@@ -113,7 +113,7 @@ def spinner(fastest=5.0):
 @PRECISIONS
 def test_a_robot_that_explodes_is_reported_and_neighbours_keep_their_bits(precision, integration):
     """One motor is asked for a rate whose square is infinite."""
-    world, senses = World(0.01, integration=integration), Senses(["blade"], [("blade", (0, 0, 0))])
+    world, senses = Physics(0.01, integration=integration), Senses(["blade"], [("blade", (0, 0, 0))])
     commands = np.zeros((20, 30, 1))
     commands[:, 12:] = np.linspace(0.1, 1, 20)[:, None, None]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robots.quadruped import LEGGED
-from taichi_sim.rigid import Network, RigidEngine, World
+from taichi_sim.rigid import Network, Physics, RigidEngine
 from taichi_sim.rigid.feedback import Felt
 
 pytestmark = pytest.mark.kernels
@@ -15,7 +15,7 @@ STEPS, HOLD, COUNT = 23, 5, 5
 
 def robots(friction: float = np.inf, **given) -> RigidEngine:
     """Quadrupeds with touch and light sensors."""
-    world = World(0.05, -1.0, 0.01, friction=friction)
+    world = Physics(0.05, -1.0, 0.01, friction=friction)
     return RigidEngine(LEGGED.tree(), world, LEGGED.senses(), Network(), threads=1, **given)
 
 

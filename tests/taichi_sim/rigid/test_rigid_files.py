@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robots.quadruped import LEGS, TEXT, WHEGGED, Quadruped
-from taichi_sim.rigid import Capsule, Hinge, Passive, RigidEngine, Servo, Sphere, State, Weld, World
+from taichi_sim.rigid import Capsule, Hinge, Passive, Physics, RigidEngine, Servo, Sphere, State, Weld
 from taichi_sim.rigid.model.assembly import depth_of
 from taichi_sim.rigid.model.files import load_model, parse_model
 from taichi_sim.rigid.tables import parameters_of, points_of
@@ -79,7 +79,7 @@ def test_an_ant_has_its_hinges_drives_and_senses():
     assert (hinges["aux 1"].motor.torque, hinges["aux 1"].motor.by_command) == (150, 12)
     assert hinges["aux 3"].motor is None
     assert list(model.senses.touch) == ["shin 3", "torso"]
-    assert model.world == World(0.01, -9.81, friction=1.0)  # the larger one counts, and that of the ground is 1
+    assert model.world == Physics(0.01, -9.81, friction=1.0)  # the larger one counts, and that of the ground is 1
 
 
 @pytest.mark.parametrize(
@@ -157,7 +157,7 @@ def test_the_whegged_quadruped_as_mjcf_is_the_one_that_is_built():
     same_trees(model.tree, built)
     assert [hinge.command for hinge in model.tree.hinges] == [hinge.command for hinge in built.hinges]
     commands = np.random.default_rng(0).uniform(-1, 1, (3, 10, 8))
-    engines = [RigidEngine(tree, World(0.05, -1.0), precision="f64", threads=1) for tree in (built, model.tree)]
+    engines = [RigidEngine(tree, Physics(0.05, -1.0), precision="f64", threads=1) for tree in (built, model.tree)]
     ends = [engine.run(100, commands=commands, hold=10).position for engine in engines]
     assert np.allclose(*ends, rtol=0, atol=1e-9)
 
@@ -232,12 +232,12 @@ def test_drives_have_the_torques_of_the_file():
 
 
 def test_what_a_file_does_not_say_has_the_defaults_of_mujoco():
-    usual = World(0.002, -9.81, friction=1.0)
+    usual = Physics(0.002, -9.81, friction=1.0)
     assert parse_model(ARM).world == parse_model(mjcf(BALL)).world == usual
 
 
 def test_a_time_step_may_take_the_place_of_the_files():
-    assert parse_model(ANT, time_step=0.001).world == World(0.001, -9.81, friction=1.0)
+    assert parse_model(ANT, time_step=0.001).world == Physics(0.001, -9.81, friction=1.0)
     knee = next(hinge for hinge in parse_model(ANT, time_step=0.2, speed=9.0).tree.hinges if hinge.child == "shin 2")
     assert knee.motor.by_angle == -5  # all that lacks, in a step
     shoulder = parse_model(ARM, time_step=0.2).tree.hinges[0]
@@ -447,7 +447,7 @@ def test_a_chain_that_is_thrown_moves_as_in_mujoco(integration):
     expected = [0.46080671, 0.58970554, 49.81613182, 2.30081259, -2.48561735, -0.98396627]
     errors = []
     for steps in (500, 2000):
-        engine = RigidEngine(tree, World(1 / steps, -1.0, integration=integration), precision="f64", threads=1)
+        engine = RigidEngine(tree, Physics(1 / steps, -1.0, integration=integration), precision="f64", threads=1)
         rest, thrown = engine.rest(), np.array([[0.5, -1.0, 2.0, 0.3, 0.2, 0.1]])
         done = engine.run(
             steps, start=State(rest.position, rest.orientation, rest.angles, thrown, np.array([[1.0, -2, 0.7]]))

@@ -17,7 +17,7 @@ from robots.quadruped import (
     simulate,
 )
 from taichi_sim.ground import Relief
-from taichi_sim.rigid import Body, Capsule, Hinge, Motor, Network, RigidEngine, Sphere, Tree, World
+from taichi_sim.rigid import Body, Capsule, Hinge, Motor, Network, Physics, RigidEngine, Sphere, Tree
 
 pytestmark = pytest.mark.kernels
 
@@ -81,7 +81,7 @@ def test_derivatives_by_sizes_and_masses_agree_with_differences(name):
 def test_derivatives_of_pose_and_angles_and_by_commands(integration):
     """Open-loop commands, a second robot that falls over; both ways to carry motion on."""
     rng, steps = np.random.default_rng(4), 20
-    world = World(0.05, -1.0, 0.01, integration=integration)
+    world = Physics(0.05, -1.0, 0.01, integration=integration)
     robots = RigidEngine(LEGGED.tree(), world, LEGGED.senses(), Network(), precision="f64", threads=1)
     commands = rng.uniform(-1, 1, (2, 4, 8))
     for name, size in (("orientation", 4), ("angles", 8)):
@@ -140,7 +140,7 @@ def leaning_arm(lean: float) -> Tree:
 )
 def test_derivatives_of_a_body_without_hinges_and_of_a_fixed_one(tree, value, name, integration):
     def robots(x: float) -> RigidEngine:
-        return RigidEngine(tree(x), World(0.01, integration=integration), precision="f64", threads=1)
+        return RigidEngine(tree(x), Physics(0.01, integration=integration), precision="f64", threads=1)
 
     def cost(x: float) -> float:
         return getattr(robots(x).run(20), name)[0, -1]
@@ -166,7 +166,7 @@ def test_derivatives_by_a_mass_know_that_slip_falls_with_it(monkeypatch, fixed, 
         return Tree([base, arm, foot], [turning, Hinge("arm", "foot", (0.05, 0, 0.3), (0, 1, 0))], fixed=fixed)
 
     def robots(mass: float) -> RigidEngine:
-        return RigidEngine(tree(mass), World(0.01), ground=ground, precision="f64", threads=1)
+        return RigidEngine(tree(mass), Physics(0.01), ground=ground, precision="f64", threads=1)
 
     def cost(mass: float) -> float:
         return robots(mass).run(30, commands=np.ones((1, 1, 1))).angles[0, 0]
@@ -186,7 +186,7 @@ def test_neighbours_and_lanes_change_no_bit_of_a_gradient():
 
 
 def test_what_has_no_derivative_is_refused_in_one_line():
-    robots = RigidEngine(LEGGED.tree(), World(friction=0.5), LEGGED.senses(), precision="f64", threads=1)
+    robots = RigidEngine(LEGGED.tree(), Physics(friction=0.5), LEGGED.senses(), precision="f64", threads=1)
     with pytest.raises(ValueError, match=r"^friction: 0\.5 has no derivatives"):
         robots.record(5)
     tape = engine(LEGGED, precision="f64", threads=1).record(2)

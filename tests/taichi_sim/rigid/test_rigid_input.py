@@ -13,13 +13,13 @@ from taichi_sim.rigid import (
     Hinge,
     Motor,
     Network,
+    Physics,
     RigidEngine,
     Senses,
     Sphere,
     State,
     Tree,
     Weld,
-    World,
     poses,
 )
 
@@ -93,9 +93,9 @@ BAD = {
     "a base that is carried": (lambda: Tree([BALL, BOX], [Weld("box", "ball")]), "joints: 'ball' is carried twice or"),
     "a body that hangs nowhere": (lambda: Tree([BALL, BOX]), "joints: 'box' does not hang on the base 'ball'"),
     "a joint of a stranger": (lambda: Tree([BALL], [JOINT]), "joints: there is no body 'box'; there are ball"),
-    "a step back in time": (lambda: World(-0.1), "time_step: -0.1 is not allowed"),
-    "friction less than none": (lambda: World(friction=-1.0), "friction: -1.0 is not allowed"),
-    "an unknown integration": (lambda: World(integration="exact"), "integration: 'exact' is unknown"),
+    "a step back in time": (lambda: Physics(-0.1), "time_step: -0.1 is not allowed"),
+    "friction less than none": (lambda: Physics(friction=-1.0), "friction: -1.0 is not allowed"),
+    "an unknown integration": (lambda: Physics(integration="exact"), "integration: 'exact' is unknown"),
     "no trees": (lambda: RigidEngine([]), "trees: an empty list is not allowed"),
     "trees of two structures": (lambda: RigidEngine([PAIR, Tree([BALL])]), "trees: number 1 has another structure"),
     "touch of a stranger": (lambda: RigidEngine(PAIR, senses=Senses(["leg"])), "bodies: there is no body 'leg'"),
@@ -232,7 +232,7 @@ def test_the_order_of_bodies_changes_no_result(tree, random, integration):
     found = []
     for bodies, hung in ((others, joints), (shuffled, joints_again)):
         one = Tree([base, *bodies], hung)
-        engine = RigidEngine(one, World(0.01, integration=integration), precision="f64", threads=1)
+        engine = RigidEngine(one, Physics(0.01, integration=integration), precision="f64", threads=1)
         result = engine.run(60, commands=commands[..., : one.motors])
         angles = dict(zip([hinge.child for hinge in one.hinges], result.angles[0], strict=True))
         found.append([*result.position[0], *result.orientation[0], *(angles[name] for name in sorted(angles))])
@@ -244,8 +244,8 @@ def test_the_order_of_bodies_changes_no_result(tree, random, integration):
     [
         (lambda: Network(memory=np.nan), "memory: nan is not allowed; give a finite number"),
         (lambda: Network(touch_values=(0.0, np.inf)), "touch_values: .* is not allowed; give two finite numbers"),
-        (lambda: World(friction="x"), "friction: 'x' is not allowed; give a number of at least 0, or infinity"),
-        (lambda: World(error_reduction="x"), "error_reduction: 'x' is not allowed; give a number from 0 to 1"),
+        (lambda: Physics(friction="x"), "friction: 'x' is not allowed; give a number of at least 0, or infinity"),
+        (lambda: Physics(error_reduction="x"), "error_reduction: 'x' is not allowed; give a number from 0 to 1"),
         (lambda: Motor.velocity("x", 1.0), "by_command: 'x' is not allowed; give a finite number"),
     ],
 )

@@ -9,7 +9,7 @@ import pytest
 from rigid_oracle import Oracle, complementarity
 
 from robots.quadruped import GRAVITY, LEGGED, SLIP, TIME_STEP, WHEELED, WHEGGED
-from taichi_sim.rigid import Body, Capsule, Hinge, Motor, RigidEngine, State, Tree, World
+from taichi_sim.rigid import Body, Capsule, Hinge, Motor, Physics, RigidEngine, State, Tree
 
 pytestmark = pytest.mark.kernels
 
@@ -50,7 +50,7 @@ def test_the_engine_is_its_dense_oracle_to_1e_9_over_200_steps(robot, case, inte
     So it does under the other commands, but for "second_joints_plus" of whegged robots integrated by momentum. They
     touch down with exactly no velocity there, so that rounding decides which of four wheels pushes, and so rubs.
     """
-    world = World(TIME_STEP, GRAVITY, SLIP, integration=integration)
+    world = Physics(TIME_STEP, GRAVITY, SLIP, integration=integration)
     assert disagreement(robot, world, COMMANDS[case][None]) < 1e-9
 
 
@@ -70,7 +70,7 @@ def test_the_engine_is_its_dense_oracle_for_robots_thrown_about_with_changing_co
             rng.normal(size=(1, 6)),
             rng.normal(size=(1, 8)),
         )
-        world = World(0.02, -9.81, SLIP, friction)
+        world = Physics(0.02, -9.81, SLIP, friction)
         assert disagreement(LEGGED, world, rng.uniform(-1, 1, (40, 8)), 40, start, beyond) < tolerance
     assert np.mean(np.array(beyond) > 0.01) < 0.06
 
@@ -108,7 +108,7 @@ def test_the_engine_is_its_dense_oracle_for_random_chains(step, friction, fixed,
     Every other one without Coulomb's cone starts 2 cm deep in it. The cone is found by repetition, which makes 1e-6 of
     a rounding of 1e-14 where it has not settled; so long steps have a larger tolerance.
     """
-    world = World(step, slip=0.01, friction=friction)
+    world = Physics(step, slip=0.01, friction=friction)
     for seed in range(8):
         rng = np.random.default_rng(seed)
         tree = chain(rng, fixed)

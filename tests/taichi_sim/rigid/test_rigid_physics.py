@@ -11,12 +11,12 @@ from taichi_sim.rigid import (
     Capsule,
     Hinge,
     Motor,
+    Physics,
     RigidEngine,
     Sphere,
     State,
     Tree,
     Weld,
-    World,
     poses,
 )
 from taichi_sim.rigid.pose import momenta, velocities
@@ -85,7 +85,7 @@ def floating(tree):
 
 
 def test_free_flight_conserves_momentum_and_its_moment_while_motors_run():
-    tree, world = acrobat(), World(0.05, 0.0)
+    tree, world = acrobat(), Physics(0.05, 0.0)
     found = {n: simulate(tree, world, n, floating(tree), commands=COMMANDS, hold=20) for n in (1, 2, 300, 1000)}
     assert np.ptp(found[1000].frames.angles[:, 0], axis=0).min() > 0.5  # they do run
     (_, moment), *later = [momentum_of_last_step(tree, result) for result in found.values()]
@@ -96,7 +96,7 @@ def test_free_flight_conserves_momentum_and_its_moment_while_motors_run():
 
 @pytest.mark.parametrize("gravity", [0.0, -1.0])
 def test_what_is_thrown_keeps_its_momentum_but_for_its_weight(gravity):
-    tree, world = acrobat(), World(0.05, gravity)
+    tree, world = acrobat(), Physics(0.05, gravity)
     start = moving(tree, *THROWN, position=(0, 0, 200.0))
     first, *later = (simulate(tree, world, n, start, commands=COMMANDS, hold=20) for n in (1, 100, 300))
     weight = np.array([0, 0, gravity * world.time_step * sum(body.mass for body in tree.bodies)])
@@ -111,15 +111,15 @@ def test_bodies_of_a_robot_move_alike_however_fast_all_of_it_flies(gravity, spee
     tree, steps = acrobat(), 400
     start, fast = (moving(tree, *THROWN, position=(0, 0, 3000.0)) for _ in range(2))
     fast.velocity[0, 3] += speed
-    floats = simulate(tree, World(0.05, 0.0), steps, start, commands=COMMANDS, hold=20)
-    flies = simulate(tree, World(0.05, gravity), steps, fast, commands=COMMANDS, hold=20)
+    floats = simulate(tree, Physics(0.05, 0.0), steps, start, commands=COMMANDS, hold=20)
+    flies = simulate(tree, Physics(0.05, gravity), steps, fast, commands=COMMANDS, hold=20)
     assert np.abs(floats.frames.angles - flies.frames.angles).max() < 1e-9
     assert np.abs(floats.frames.orientation - flies.frames.orientation).max() < 1e-9
 
 
 def test_integration_by_velocity_does_not_conserve_the_moment_of_momentum():
     """Which is why there are two: the other one steps as the solver of the published experiment does."""
-    tree, world = acrobat(), World(0.05, 0.0, integration="velocity")
+    tree, world = acrobat(), Physics(0.05, 0.0, integration="velocity")
     runs = [simulate(tree, world, n, floating(tree)) for n in (1, 100)]
     (_, before), (_, after) = (momentum_of_last_step(tree, result) for result in runs)
     assert np.linalg.norm(after - before) > 1e-3 * np.linalg.norm(before)
@@ -142,7 +142,9 @@ def swing(angle, time_step, integration, periods=3):
     inertia = LENGTH**2 + 0.4 * RADIUS**2  # of a kilogram
     period = 4 * ellipk(np.sin(angle / 2) ** 2) * np.sqrt(inertia / (GRAVITY * LENGTH))
     steps = int(periods * period / time_step)
-    found = simulate(tree, World(time_step, -GRAVITY, integration=integration), steps, moving(tree, [0] * 6, 0, angle))
+    found = simulate(
+        tree, Physics(time_step, -GRAVITY, integration=integration), steps, moving(tree, [0] * 6, 0, angle)
+    )
     return found.frames.angles[:, 0, 0], period
 
 
@@ -178,7 +180,7 @@ def slipping(speed, per_step, steps):
 @BOTH
 def test_a_sphere_that_slides_ends_rolling_at_five_sevenths_of_its_speed(integration):
     """Friction on its lowest point changes its slip by 7/2 of what it does to a mass (1 / m + r^2 / I = 7 / 2 m)."""
-    radius, mass, world = 0.1, 2.0, World(0.01, slip=0.05, integration=integration)
+    radius, mass, world = 0.1, 2.0, Physics(0.01, slip=0.05, integration=integration)
     ball = Tree([Body("ball", (0, 0, radius), mass, [Sphere(radius)])])
     found = simulate(ball, world, 400, moving(ball, (0, 0, 0, 0.7, 0, 0)))
     speeds = np.diff(found.frames.position[:, 0, 0]) / world.time_step
@@ -196,7 +198,7 @@ def plate(width=1.0, mass=2.0):
 @BOTH
 def test_a_plate_that_slides_on_four_corners_slows_down_exponentially(integration):
     """Each corner pulls with v / slip, so that m v' = -4 v / slip."""
-    tree, world = plate(), World(0.01, slip=0.1, integration=integration)
+    tree, world = plate(), Physics(0.01, slip=0.1, integration=integration)
     found = simulate(tree, world, 100, moving(tree, (0, 0, 0, 0.03, -0.04, 0)))
     speeds = np.linalg.norm(np.diff(found.frames.position[:, 0], axis=0), axis=1) / world.time_step
     assert np.allclose(speeds, slipping(0.05, 4 * world.time_step / (2.0 * world.slip), 100), rtol=1e-6)
@@ -217,7 +219,7 @@ def test_what_is_pulled_over_the_ground_creeps_at_the_force_times_the_slip(torqu
         ],
         fixed=True,
     )
-    found = simulate(tree, World(0.01, -1.0, slip=0.01), 600, commands=np.ones((1, 1, 1)))
+    found = simulate(tree, Physics(0.01, -1.0, slip=0.01), 600, commands=np.ones((1, 1, 1)))
     rate = np.diff(found.frames.angles[-2:, 0, 0])[0] / 0.01
     assert np.isclose(rate * reach, torque / reach / 100, rtol=1e-6)
 
@@ -235,7 +237,7 @@ def test_a_wheel_beside_one_that_stands_still_drives_at_half_speed(joints, share
 @BOTH
 def test_with_a_coefficient_of_friction_a_plate_stops_after_v_over_mu_g(integration):
     """At the end it creeps at slip times force, as long as that is inside the cone."""
-    tree, world = plate(), World(0.01, -GRAVITY, slip=1e-5, friction=0.3, integration=integration)
+    tree, world = plate(), Physics(0.01, -GRAVITY, slip=1e-5, friction=0.3, integration=integration)
     found = simulate(tree, world, 120, moving(tree, (0, 0, 0, 1.2, -1.6, 0)))
     along = found.frames.position[:, 0, :2] @ [0.6, -0.8]
     speeds = np.diff(along) / world.time_step
@@ -260,7 +262,7 @@ def test_friction_stays_in_its_cone_where_it_makes_a_body_pitch(integration, sli
     solids = SLIDERS[name]
     height = 0.05 if name == "feet" else solids[0].size[2] / 2
     tree = Tree([Body("slider", (0, 0, height), 1.0, solids, np.eye(3) * 0.004)])
-    world = World(0.01, -GRAVITY, slip=slip, friction=0.3, integration=integration)
+    world = Physics(0.01, -GRAVITY, slip=slip, friction=0.3, integration=integration)
     found = simulate(tree, world, 40, moving(tree, (0, 0, 0, 2.0, 0, 0)))
     speeds = np.diff(found.frames.position[:, 0, 0]) / world.time_step
     assert np.abs(speeds[5:] - (2.0 - 0.3 * GRAVITY * world.time_step * np.arange(6, 41))).max() < 5e-3
@@ -273,7 +275,7 @@ def test_a_block_slides_where_the_ground_is_steeper_than_its_friction(integratio
     tree = Tree([Body("block", (0, 0, 0.05), 1.0, [Box((0.2, 0.2, 0.1))])])
     across = (GRAVITY * np.sin(angle), 0.0)
     about = {"gravity_across": across, "integration": integration}
-    world = World(0.01, -GRAVITY * np.cos(angle), slip=1e-4, friction=0.3, **about)
+    world = Physics(0.01, -GRAVITY * np.cos(angle), slip=1e-4, friction=0.3, **about)
     found = simulate(tree, world, 100)
     moved = found.frames.position[-1, 0, 0]
     expected = GRAVITY * (np.sin(angle) - 0.3 * np.cos(angle)) / 2 if slides else 0.0
@@ -283,7 +285,7 @@ def test_a_block_slides_where_the_ground_is_steeper_than_its_friction(integratio
 def tilted(time_step, degrees, friction, **settings):
     """A world whose ground falls along x."""
     down, along = GRAVITY * np.cos(np.radians(degrees)), GRAVITY * np.sin(np.radians(degrees))
-    return World(time_step, -down, friction=friction, gravity_across=(along, 0.0), **settings)
+    return Physics(time_step, -down, friction=friction, gravity_across=(along, 0.0), **settings)
 
 
 @BOTH
@@ -307,14 +309,14 @@ def test_a_ball_of_any_mass_rolls_down_a_slope(integration, mass):
 
 def test_slip_is_that_of_the_mass_that_moves():
     """A given slip counts whatever the mass; a heavy base that is fixed to the world does not count."""
-    assert World(0.01, slip=0.02).slip_strength(1.0) == World(0.01, slip=0.02).slip_strength(9.0) == 0.01 / 0.02
-    assert World(0.01).slip_strength(3.0) == pytest.approx(0.01 * 3.0 * 9.81 / 1e-4)
+    assert Physics(0.01, slip=0.02).slip_strength(1.0) == Physics(0.01, slip=0.02).slip_strength(9.0) == 0.01 / 0.02
+    assert Physics(0.01).slip_strength(3.0) == pytest.approx(0.01 * 3.0 * 9.81 / 1e-4)
 
     def arm(mass):
         stand, pad = Body("stand", (0, 0, 1), mass, [], np.eye(3)), Body("pad", (0.5, 0, 0.1), 1.0, [Sphere(0.1)])
         return Tree([stand, pad], [Hinge("stand", "pad", (0, 0, 0.5), (0, 0, 1), Motor.velocity(2.0, 9.0))], fixed=True)
 
-    light, heavy = (simulate(arm(m), World(0.01), 50, commands=np.ones((1, 1, 1))) for m in (1.0, 1e6))
+    light, heavy = (simulate(arm(m), Physics(0.01), 50, commands=np.ones((1, 1, 1))) for m in (1.0, 1e6))
     assert light.angles[0, 0] > 1e-6 and np.array_equal(light.angles, heavy.angles)
 
 
@@ -326,7 +328,7 @@ def test_a_plate_at_rest_stays_so_on_four_corners_that_carry_its_weight(integrat
     """Nothing moves, so their impulses sum to m g h in every step; also where the weight lies off its middle."""
     off = Body("plate", (0.2, -0.1, 0.01), 2.0, [Box((1.0, 1.0, 0.02), (-0.2, 0.1, 0))], np.eye(3) * 0.2)
     for tree in (plate(), Tree([off])):
-        found = simulate(tree, World(0.05, integration=integration), 200)
+        found = simulate(tree, Physics(0.05, integration=integration), 200)
         assert np.abs(found.frames.position - found.frames.position[0]).max() < 1e-8
         assert np.abs(found.frames.orientation - found.frames.orientation[0]).max() < 1e-8
 
@@ -338,7 +340,7 @@ def test_a_stop_holds_what_falls_on_it(integration, side):
     stand = Body("stand", (0, 0, 3), 1.0, [Sphere(0.05)])
     arm = Body("arm", (0.5, 0, 3), 2.0, [Capsule(0.05, 0.5, (1, 0, 0))])
     hinge = Hinge("stand", "arm", (0, 0, 3), (0, side, 0), stops=(-0.6, 0.6))  # it falls to the side of the axis
-    world = World(0.005, -GRAVITY, integration=integration)
+    world = Physics(0.005, -GRAVITY, integration=integration)
     found = simulate(Tree([stand, arm], [hinge], fixed=True), world, 400)
     angles = side * found.frames.angles[:, 0, 0]
     fastest = np.diff(angles).max()
@@ -350,14 +352,14 @@ def test_a_motor_at_its_torque_limit_stalls_where_the_load_balances_it():
     """m g l sin(a) = torque; a slow motor reaches this angle and stays near it, a strong one goes on."""
     for torque, expected in ((5.0, np.arcsin(5.0 / (2.0 * GRAVITY * LENGTH))), (30.0, 0.05 * 40)):
         tree = pendulum(Motor.velocity(0.05, torque))
-        angles = simulate(tree, World(0.01, -GRAVITY), 4000, commands=np.ones((1, 1, 1))).frames.angles[:, 0, 0]
+        angles = simulate(tree, Physics(0.01, -GRAVITY), 4000, commands=np.ones((1, 1, 1))).frames.angles[:, 0, 0]
         assert np.abs(angles[-1000 if torque < 10 else -1 :] - expected).max() < 0.02
 
 
 @BOTH
 def test_a_motor_within_its_torque_holds_its_rate(integration):
     tree = pendulum(Motor.velocity(2.0, 1000.0))
-    found = simulate(tree, World(0.01, -GRAVITY, integration=integration), 300, commands=np.full((1, 1, 1), 0.7))
+    found = simulate(tree, Physics(0.01, -GRAVITY, integration=integration), 300, commands=np.full((1, 1, 1), 0.7))
     assert np.allclose(np.diff(found.frames.angles[:, 0, 0]), 0.014, rtol=1e-9)
 
 
@@ -366,7 +368,7 @@ def test_a_motor_within_its_torque_holds_its_rate(integration):
 def test_a_position_drive_goes_no_faster_than_its_largest_rate(integration, side):
     """At that rate until what is missing asks for less, then as any other."""
     tree = pendulum(Motor.position(-2.0, 2.0, 10.0, 1000.0, fastest=0.5))
-    world = World(0.01, -GRAVITY, integration=integration)
+    world = Physics(0.01, -GRAVITY, integration=integration)
     found = simulate(tree, world, 500, commands=np.full((1, 1, 1), side))
     angles = side * found.frames.angles[:, 0, 0]
     rates = np.diff(angles) / 0.01
@@ -387,7 +389,7 @@ def dumbbell(welded):
 
 
 def test_welded_bodies_are_one_body_with_the_sum_of_their_inertias():
-    world = World(0.01, friction=0.6, slip=1e-3)
+    world = Physics(0.01, friction=0.6, slip=1e-3)
     thrown = (2.0, 1.0, -1.0, 0.5, 0.2, 1.0)
     one, welded = (simulate(tree, world, 150, moving(tree, thrown)) for tree in map(dumbbell, (False, True)))
     assert one.frames.position[:, 0, 2].min() < 0.4  # it has fallen down
@@ -400,7 +402,7 @@ def test_a_fixed_base_stays_where_it_is_whatever_hangs_on_it(integration):
     deep = Body("stand", (0, 0, 0.02), 1.0, [Sphere(0.1)])  # inside the ground
     arm = Body("arm", (0.3, 0, 0.2), 1.0, [Capsule(0.05, 0.3, (1, 0, 0))])
     tree = Tree([deep, arm], [Hinge("stand", "arm", (0.1, 0, 0.2), (0, 1, 0))], fixed=True)
-    found = simulate(tree, World(0.01, integration=integration), 200)
+    found = simulate(tree, Physics(0.01, integration=integration), 200)
     assert np.array_equal(found.frames.position, np.broadcast_to(deep.position, (201, 1, 3)))
     assert np.array_equal(found.frames.orientation, np.broadcast_to(UPRIGHT[0], (201, 1, 4)))
     assert 0.2 < found.angles[0, 0] < 0.6  # the arm has come to lie on the ground

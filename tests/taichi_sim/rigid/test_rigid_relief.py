@@ -8,7 +8,7 @@ import pytest
 from rigid_differences import error_of_gradient
 
 from taichi_sim.ground import Relief
-from taichi_sim.rigid import Body, Box, Capsule, Hinge, Motor, RigidEngine, Senses, Sphere, State, Tree, World
+from taichi_sim.rigid import Body, Box, Capsule, Hinge, Motor, Physics, RigidEngine, Senses, Sphere, State, Tree
 from taichi_sim.rigid.pose import rotation_matrix
 
 pytestmark = pytest.mark.kernels
@@ -52,7 +52,7 @@ def swinging(steps: int = STEPS) -> np.ndarray:
 def walk(ground, height: float = 0.0, width: int | None = None, precision: str = "f64", **world):
     engine = RigidEngine(
         walker(height),
-        World(time_step=0.005, **world),
+        Physics(time_step=0.005, **world),
         Senses(touch=("front", "back")),
         ground=ground,
         precision=precision,
@@ -103,7 +103,7 @@ def test_a_ramp_is_a_tilted_plane(degrees, world):
         ground = Relief(heights, 10.0, (-5.0, -5.0)) if ramp else None
         turn = matrix if ramp else np.eye(3)
         *across, down = turn @ matrix.T @ [0.0, 0.0, -9.81]
-        physics = World(0.005, down, gravity_across=across, **world)
+        physics = Physics(0.005, down, gravity_across=across, **world)
         engine = RigidEngine(tree, physics, ground=ground, precision="f64", threads=1)
         start = engine.rest()
         moving = np.array([0.1, 0.2, 0.3, 0.4, 0.1, -0.6])
@@ -128,7 +128,7 @@ def test_a_ramp_is_a_tilted_plane(degrees, world):
 def test_gradients_agree_with_differences(part, integration):
     """With contact on bumps, motors at their limits."""
     steps = 150
-    world = World(0.005, integration=integration)
+    world = Physics(0.005, integration=integration)
     engine = RigidEngine(walker(0.01), world, ground=rough(), precision="f64", threads=1)
     assert error_of_gradient(engine, part, steps, swinging(steps), (1e-6, 1e-7)) < 1e-6
 
@@ -138,7 +138,7 @@ def test_gradients_by_a_size_agree_with_differences():
     aim, radius, step = np.array([[1.0, -0.5, 2.0]]), 0.06, 1e-6
 
     def engine(size: float) -> RigidEngine:
-        return RigidEngine(walker(0.01, size), World(0.005), ground=rough(), precision="f64", threads=1)
+        return RigidEngine(walker(0.01, size), Physics(0.005), ground=rough(), precision="f64", threads=1)
 
     tape = engine(radius).record(150, commands=swinging(150), hold=10)
     (found,) = tape.pull_back(position=aim).by_design(lambda size: walker(0.01, size), radius)
@@ -160,7 +160,7 @@ def energy(engine: RigidEngine, done) -> float:
 def test_what_falls_onto_bumps_loses_energy(solid, friction):
     """It never has more than it fell with, nor more than before, but for what pushes it out of the ground."""
     tree = Tree([Body("it", (0.0, 0.0, 0.2), 1.0, [solid])], [])
-    engine = RigidEngine(tree, World(0.002, friction=friction), ground=rough(2), precision="f64", threads=1)
+    engine = RigidEngine(tree, Physics(0.002, friction=friction), ground=rough(2), precision="f64", threads=1)
     session = engine.session(start=replace(engine.rest(), velocity=np.array([[0, 0, 0, 0.3, 0.1, 0]])))
     energies = [energy(engine, session.advance(steps=10)) for _ in range(200)]
     assert np.diff(energies).max() < 2e-3 * energies[0] and max(energies) == energies[0] > 3 * energies[-1]
@@ -172,7 +172,7 @@ def test_an_edge_throws_no_ball_however_short_the_steps():
     ramp = Relief(np.repeat(math.tan(math.radians(30)) * at[:, None], 10, axis=1), 0.04, (-1.0, -0.2))
     tree, ends = Tree([Body("ball", (0.0, 0.0, 0.1), 1.0, [Sphere(0.1)])]), []
     for step in (2e-3, 2.5e-4):
-        engine = RigidEngine(tree, World(step, friction=0.0), ground=ramp, threads=1)
+        engine = RigidEngine(tree, Physics(step, friction=0.0), ground=ramp, threads=1)
         start = replace(engine.rest(), velocity=np.array([[0.0, 0.0, 0.0, 2.0, 0.0, 0.0]]))
         place = engine.run(round(0.8 / step), start=start, record_every=1).frames.position[:, 0]
         energies = 0.5 * (np.diff(place, axis=0) ** 2).sum(axis=1) / step**2 + 9.81 * (place[1:, 2] - 0.1)
@@ -187,7 +187,7 @@ def test_what_is_deep_in_the_ground_comes_out_as_if_it_had_fallen_through_it(gro
     """Shallow parts come out by the error reduction; derivatives know of both."""
     for depth, step in ((0.03, 2e-3), (1e-4, 2e-3), (0.03, 0.05)):
         tree = Tree([Body("ball", (0.0, 0.0, 0.1 - depth), 1.0, [Sphere(0.1)])])
-        tape = RigidEngine(tree, World(step), ground=ground, threads=1).record(1)
+        tape = RigidEngine(tree, Physics(step), ground=ground, threads=1).record(1)
         speed, slope = 0.2 * depth / step, 0.2 / step
         if speed > math.sqrt(2 * 9.81 * depth):
             speed, slope = math.sqrt(2 * 9.81 * depth), 9.81 / math.sqrt(2 * 9.81 * depth)

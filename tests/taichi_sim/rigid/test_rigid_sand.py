@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from robots.quadruped import LEGGED
 from taichi_sim.ground import Relief
 from taichi_sim.ground.relief import Water
-from taichi_sim.rigid import Body, Box, Capsule, RigidEngine, Sphere, State, Tree, World
+from taichi_sim.rigid import Body, Box, Capsule, Physics, RigidEngine, Sphere, State, Tree
 from taichi_sim.rigid.pose import rotation_matrix
 
 pytestmark = pytest.mark.kernels
@@ -48,7 +48,7 @@ def box(depth: float = 0.0) -> Tree:
 
 
 def engine_of(tree, ground=None, time_step: float = 1e-4, **world) -> RigidEngine:
-    return RigidEngine(tree, World(time_step, **world), ground=sand() if ground is None else ground, **HERE)
+    return RigidEngine(tree, Physics(time_step, **world), ground=sand() if ground is None else ground, **HERE)
 
 
 def bearing_of_ball(radius: float):
@@ -169,7 +169,7 @@ def test_sand_never_gives_energy(solid, friction, integration):
 def test_the_engine_is_its_dense_oracle_on_sand(friction, tolerance, limit, integration):
     """Walkers that are thrown onto it, turning, with changing commands."""
     rng, tree = np.random.default_rng(5), walker()
-    world = World(5e-3, slip=1e-2, friction=friction, integration=integration)
+    world = Physics(5e-3, slip=1e-2, friction=friction, integration=integration)
     engine = RigidEngine(tree, world, ground=sand(limit), **HERE)
     for _ in range(2):
         turn = rng.normal(size=(1, 4)) * [3, 1, 1, 1]
@@ -201,7 +201,7 @@ def test_all_normals_are_solved_where_many_points_share_few_bodies():
         rng.normal(size=(count, 6)),
         rng.normal(size=(count, 8)),
     )
-    engine = RigidEngine(tree, World(0.02, friction=0.5), ground=sand(1e4), **HERE)
+    engine = RigidEngine(tree, Physics(0.02, friction=0.5), ground=sand(1e4), **HERE)
     done = engine.run(100, commands=rng.uniform(-1, 1, (count, 50, 8)), hold=2, start=start)
     assert (done.status == "ok").all() and (done.residual == 0).all()
 
@@ -259,7 +259,7 @@ def test_robots_of_a_batch_are_on_grounds_of_their_own(friction):
     alone = [results(engine_of(walker(), each, 5e-3, friction=friction)) for each in grounds]
     assert len({found[0][0, 2] for found in alone}) == len(grounds)
     for width in (None, 1, 4):
-        engine = RigidEngine(walker(), World(5e-3, friction=friction), ground=grounds, width=width, **HERE)
+        engine = RigidEngine(walker(), Physics(5e-3, friction=friction), ground=grounds, width=width, **HERE)
         for part, *each in zip(results(engine), *alone, strict=True):
             assert np.array_equal(part, np.concatenate(each))
 
@@ -275,7 +275,7 @@ def test_firm_robots_whose_pivots_are_used_up_have_no_more_beside_one_on_sand():
     thrown = {"orientation": orientation, "velocity": rng.normal(size=(count, 6))}
 
     def runs(grounds):
-        engine = RigidEngine(trees, World(5e-3, slip=1e-2), ground=grounds, precision="f32", threads=1)
+        engine = RigidEngine(trees, Physics(5e-3, slip=1e-2), ground=grounds, precision="f32", threads=1)
         return engine.run(200, start=replace(engine.rest(), **thrown))
 
     alone, beside = runs([sand(None)] * count), runs([sand(None)] * (count - 1) + [sand(YIELD)])
@@ -310,7 +310,7 @@ def test_robots_sink_into_sand_under_water():
 def test_single_precision_agrees():
     found = []
     for precision in ("f64", "f32"):
-        engine = RigidEngine(walker(), World(5e-3, friction=0.5), ground=sand(2e4), precision=precision, threads=1)
+        engine = RigidEngine(walker(), Physics(5e-3, friction=0.5), ground=sand(2e4), precision=precision, threads=1)
         found.append(engine.run(100, commands=swinging(100), hold=10).position)
     assert np.abs(found[0] - found[1]).max() < 1e-3
 

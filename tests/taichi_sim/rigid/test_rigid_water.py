@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from taichi_sim.ground import Relief
 from taichi_sim.ground.relief import Water
-from taichi_sim.rigid import Body, Box, Capsule, Hinge, Motor, RigidEngine, Sphere, Tree, Weld, World
+from taichi_sim.rigid import Body, Box, Capsule, Hinge, Motor, Physics, RigidEngine, Sphere, Tree, Weld
 from taichi_sim.rigid.pose import rotation_matrix
 
 pytestmark = pytest.mark.kernels
@@ -37,7 +37,7 @@ def one(solid, density: float, height: float = 0.0) -> Tree:
 
 
 def engine_of(tree, ground=None, time_step: float = 2e-3, **world) -> RigidEngine:
-    return RigidEngine(tree, World(time_step, **world), ground=sea() if ground is None else ground, **HERE)
+    return RigidEngine(tree, Physics(time_step, **world), ground=sea() if ground is None else ground, **HERE)
 
 
 @pytest.mark.parametrize("integration", BOTH)
@@ -282,7 +282,7 @@ def test_robots_of_a_batch_are_in_water_of_their_own():
     """As each is alone, whatever the width."""
 
     def run(ground, width=None):
-        engine = RigidEngine(walker(), World(5e-3), ground=ground, width=width, **HERE)
+        engine = RigidEngine(walker(), Physics(5e-3), ground=ground, width=width, **HERE)
         return engine.run(100, commands=swinging(100), hold=10).position
 
     waters = [shore(0.05), sea(0.2, -1.0, density=1200.0), sea(0.25, -1.0, added_mass=1.0)]
@@ -320,7 +320,7 @@ def test_solids_that_touch_nothing_are_found_by_water():
 def test_single_precision_agrees():
     found = []
     for precision in ("f64", "f32"):
-        engine = RigidEngine(walker(), World(5e-3), ground=sea(0.25, -1.0), precision=precision, threads=1)
+        engine = RigidEngine(walker(), Physics(5e-3), ground=sea(0.25, -1.0), precision=precision, threads=1)
         found.append(engine.run(100, commands=swinging(100), hold=10).position)
     assert np.abs(found[0] - found[1]).max() < 1e-4
 
@@ -333,7 +333,7 @@ def test_single_precision_agrees():
             "gravity_across: not allowed with water",
         ),
         (lambda: engine_of(walker(), [sea(), replace(sea(), water=None)]), "ground: water for some robots of a batch"),
-        (lambda: World(pressure_drag=-1.0), "pressure_drag: -1.0 is not allowed"),
+        (lambda: Physics(pressure_drag=-1.0), "pressure_drag: -1.0 is not allowed"),
         (
             lambda: engine_of(Tree([Body("it", (0.0, 0.0, 0.0), 1.0, (), np.eye(3))])),
             "ground: water would move nothing, as no body has solids; give solids with a mass",

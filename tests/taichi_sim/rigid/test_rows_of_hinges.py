@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taichi_sim.rigid import Body, Hinge, Motor, Passive, RigidEngine, Servo, Tree, World
+from taichi_sim.rigid import Body, Hinge, Motor, Passive, Physics, RigidEngine, Servo, Tree
 
 pytestmark = pytest.mark.kernels
 
@@ -96,7 +96,7 @@ def test_the_rate_after_a_step_is_the_only_one_at_which_all_impulses_balance(dri
     """Whatever the drive, its bounds, friction, springs and stops are, and however far from them it starts."""
     rng = np.random.default_rng(0)
     cases = [Case(rng, drive) for _ in range(1200)]
-    engine = RigidEngine([case.tree() for case in cases], World(step, gravity=0.0), threads=1)
+    engine = RigidEngine([case.tree() for case in cases], Physics(step, gravity=0.0), threads=1)
     start = {name: np.array([[getattr(case, name[:-1])] for case in cases]) for name in ("angles", "rates")}
     run = engine.run(1, commands=None if drive is None else ONE, start=replace(engine.rest(), **start))
     assert run.residual.max() == 0

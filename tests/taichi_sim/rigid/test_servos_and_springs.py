@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from taichi_sim.rigid import Body, Hinge, Motor, Passive, RigidEngine, Servo, State, Tree, World, slots
+from taichi_sim.rigid import Body, Hinge, Motor, Passive, Physics, RigidEngine, Servo, State, Tree, slots
 from taichi_sim.rigid.model.files import read_model
 
 pytestmark = pytest.mark.kernels
@@ -25,7 +25,7 @@ def wheel(motor=None, passive=None, stops=None, fixed=True):
 
 def turned(tree, steps, angle=0.0, rate=0.0, step=STEP, commands=None, **world):
     """Angles at all steps, from an angle and a rate."""
-    engine = RigidEngine([tree], World(step, gravity=0.0, **world), threads=1)
+    engine = RigidEngine([tree], Physics(step, gravity=0.0, **world), threads=1)
     start = replace(engine.rest(), angles=np.array([[angle]]), rates=np.array([[rate]]))
     run = engine.run(steps, start=start, commands=commands, record_every=1)
     assert run.residual.max() == 0
@@ -145,7 +145,7 @@ def test_a_servo_presses_on_a_stop_and_leaves_it_again(side):
 def test_a_rotor_does_not_turn_a_robot_that_floats():
     """The moment of momentum of base and wheel stays; the rotor takes up no more than the inertia of the hinge."""
     tree = wheel(Servo.position(-1, 1, 5.0, 0.1), Passive(0.05, 0.02, 3.0, 0.4), fixed=False)
-    engine = RigidEngine([tree], World(STEP, gravity=0.0), threads=1)
+    engine = RigidEngine([tree], Physics(STEP, gravity=0.0), threads=1)
     run = engine.run(500, commands=np.ones((1, 1, 1)))
     spins = run.velocities[0, :, 1]
     assert abs(spins).min() > 0.01 and spins @ [1.0, INERTIA] == pytest.approx(0.0, abs=1e-13)
@@ -179,7 +179,7 @@ def test_gradients_are_those_of_differences(integration):
     """By all numbers of a servo, passive forces and friction, in bounds, at bounds and at stops, and by the start."""
     rng, steps, change = np.random.default_rng(4), 300, 1e-6
     commands = rng.uniform(-1.5, 1.5, (1, 10, 2))
-    world = World(2e-3, integration=integration)
+    world = Physics(2e-3, integration=integration)
 
     def engine(numbers):
         return RigidEngine([leg(numbers)], world, threads=1)
@@ -217,7 +217,7 @@ def test_wrong_numbers_are_refused():
 def test_a_run_goes_on_from_its_state_with_the_rate_that_rotors_have():
     tree = wheel(passive=Passive(0.1, 0.0, 3.0), fixed=True)
     whole = turned(tree, 60, 0.5, 1.0)
-    half = RigidEngine([tree], World(STEP, gravity=0.0), threads=1)
+    half = RigidEngine([tree], Physics(STEP, gravity=0.0), threads=1)
     start = State(*(np.zeros((1, n)) for n in (3, 4, 1, 6, 1)))
     middle, rate = whole[30], (whole[30] - whole[29]) / STEP
     start = replace(
@@ -264,7 +264,7 @@ def test_robots_of_files_move_as_in_mujoco(drives, limited):
 
     tree = read_model(text).tree
     free = Tree([replace(body, shapes=()) for body in tree.bodies], tree.joints, tree.fixed)
-    run = RigidEngine([free], World(STEP), threads=1).run(1200, commands=told[None], hold=100, record_every=100)
+    run = RigidEngine([free], Physics(STEP), threads=1).run(1200, commands=told[None], hold=100, record_every=100)
     exact, alike = in_mujoco(1e-5), in_mujoco(STEP)
     assert np.abs(exact).max() > 0.8
     assert np.abs(run.frames.angles[1:, 0] - exact).max() < 1.5 * np.abs(alike - exact).max() + 2e-3

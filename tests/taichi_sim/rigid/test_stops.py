@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taichi_sim.rigid import Body, Capsule, Hinge, Motor, RigidEngine, Tree, World, slots
+from taichi_sim.rigid import Body, Capsule, Hinge, Motor, Physics, RigidEngine, Tree, slots
 
 pytestmark = pytest.mark.kernels
 
@@ -25,7 +25,7 @@ def arm(torque, wanted, stops=(0.0, 1.5), up=-1.0, swings=0.0):
 
 
 def angles(tree, seconds, **world):
-    run = RigidEngine([tree], World(STEP, **world), threads=1).run(round(seconds / STEP), record_every=1)
+    run = RigidEngine([tree], Physics(STEP, **world), threads=1).run(round(seconds / STEP), record_every=1)
     return run.frames.angles.reshape(-1)
 
 
@@ -46,11 +46,11 @@ def test_no_rate_passes_a_stop(step, rate):
     """However far a step would lead: a motor that swings to and fro, and what swings without one."""
     commands = np.repeat([1.0, -1.0, 1.0, -1.0], 10)[None, :, None]
     driven = arm(1e3, 0.0, (-0.2, 0.2), swings=rate)
-    run = RigidEngine([driven], World(step), threads=1).run(40, commands=commands, record_every=1)
+    run = RigidEngine([driven], Physics(step), threads=1).run(40, commands=commands, record_every=1)
     assert abs(run.frames.angles).max() < 0.2 + 1e-9 and np.ptp(run.frames.angles) == pytest.approx(0.4)
     assert run.residual.max() == 0
     free = Tree((BASE, WEIGHT), (Hinge("base", "arm", (0, 0, 0), (0, -1.0, 0), stops=(-1.2, 0.3)),), fixed=True)
-    fallen = RigidEngine([free], World(step), threads=1).run(400, record_every=1).frames.angles.reshape(-1)
+    fallen = RigidEngine([free], Physics(step), threads=1).run(400, record_every=1).frames.angles.reshape(-1)
     assert fallen.min() > -1.2 - 1e-9 and fallen[-1] == pytest.approx(-1.2, abs=1e-9)
 
 
@@ -88,7 +88,7 @@ def test_gradients_past_stops_are_those_of_differences(torque, side):
     commands = np.sin(0.05 * np.arange(steps))[None, :, None]
 
     def robot(torque, rate):
-        return RigidEngine([arm(torque, rate, stops, -1.0 * side, swings=3.0)], World(STEP), threads=1)
+        return RigidEngine([arm(torque, rate, stops, -1.0 * side, swings=3.0)], Physics(STEP), threads=1)
 
     def last(torque, rate):
         return robot(torque, rate).run(steps, commands=commands).angles[0, 0]
@@ -119,7 +119,7 @@ def crawler(rng):
 @pytest.mark.parametrize("step", [2e-3, 1e-2, 5e-2])
 def test_a_start_beyond_a_stop_leads_back_without_haste(step):
     """At most at ten times the way a second, however short the steps: it flew to the other stop at 120 rad/s."""
-    engine = RigidEngine([arm(0.0, 0.0, (-0.3, 0.3))], World(step, gravity=0.0), threads=1)
+    engine = RigidEngine([arm(0.0, 0.0, (-0.3, 0.3))], Physics(step, gravity=0.0), threads=1)
     start = replace(engine.rest(), angles=np.full((1, 1), 1.5))
     found = engine.run(round(0.1 / step), start=start, record_every=1).frames.angles.reshape(-1)
     rates = np.diff(found, prepend=1.5) / step
@@ -128,7 +128,7 @@ def test_a_start_beyond_a_stop_leads_back_without_haste(step):
 
 def shaken(trees, step, friction, commands, **how):
     """Chains whose motors want another rate every 0.15 s, for 1.5 s."""
-    engine = RigidEngine(trees, World(step, friction=friction), threads=1, **how)
+    engine = RigidEngine(trees, Physics(step, friction=friction), threads=1, **how)
     return engine.run(round(1.5 / step), commands=commands, hold=round(0.15 / step), record_every=1)
 
 
