@@ -276,13 +276,13 @@ class ArticulatedRobot(Robot):
 
     def save_model(self, point: ArrayLike, path: Path) -> list[str]:
         """Write the robot's file with bodies of the sizes of a design; return what it does not tell of them."""
-        from robots.articulated.leaving import save_model
+        from robots.articulated.export import save_model
 
         return save_model(self, point, path)
 
     def save_commands(self, point: ArrayLike, path: Path) -> None:
         """Write the angles and rates that a design tells its drives over time."""
-        from robots.articulated.leaving import save_commands
+        from robots.articulated.export import save_commands
 
         save_commands(self, point, path)
 

@@ -16,12 +16,12 @@ from robots.lattice_robot.description import description_of
 from robots.lattice_robot.design_space import DesignSpace
 from robots.lattice_robot.doubts import doubts_of, doubts_on
 from robots.lattice_robot.drive import Drive, Free, check_drives
+from robots.lattice_robot.export import LatticeExports
 from robots.lattice_robot.faults import caution_of, fault_of
 from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.links import facts_of_links
 from robots.lattice_robot.measures import OF_PROPS, checked_target, measures_among, measures_of
-from robots.lattice_robot.out_of_the_lab import OutOfTheLab
 from robots.lattice_robot.props import Placed, placed
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robustness import perturbed_robot
@@ -47,7 +47,7 @@ MOST_CYCLES = 10_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LatticeRobot(Cyclic, OutOfTheLab):
+class LatticeRobot(Cyclic, LatticeExports):
     """A soft robot: any lattice body, whose drives move groups of its regions in a repeated cycle.
 
     Attributes:

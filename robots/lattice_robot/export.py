@@ -1,4 +1,4 @@
-"""What leaves the lab: tables for rigs, parts to print, moulds, files of other simulators, and a word on trust."""
+"""Exports of a lattice robot: tables for rigs, parts to print, moulds, files of other simulators; and its trust."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 DECIDES = "one with reflexes has no table of channels; it decides while it moves"
 
 
-class OutOfTheLab(Robot):
+class LatticeExports(Robot):
     """A lattice robot as hardware, printers and other simulators see it."""
 
     @property

@@ -1,4 +1,4 @@
-"""What leaves the lab of an articulated robot: its file with bodies of their sizes, and what its drives are told."""
+"""Exports of an articulated robot: its file with bodies of their sizes, and the commands of its drives."""
 
 import csv
 import io
@@ -35,14 +35,14 @@ def save_model(robot: "ArticulatedRobot", point: ArrayLike, path: Path) -> list[
     _, (sizes,) = robot.split(robot.points(point))
     tree = robot.sizes.tree_of(sizes)
     write_text(path, resized_text(robot.text, robot.sizes.factors(sizes), **robot.reading))
-    untold = list(_beside_the_file(robot))
+    untold = list(_not_in_the_file(robot))
     if root == "robot":
         base = tree.ordered[0][0].name
         untold.append(f"the origin of {base} starts {height_of(tree):.4g} m above the ground, which URDF does not tell")
     return untold
 
 
-def _beside_the_file(robot: "ArticulatedRobot") -> Iterator[str]:
+def _not_in_the_file(robot: "ArticulatedRobot") -> Iterator[str]:
     """What other simulators do not learn from the file of a robot: how it starts, and settings that were given here."""
     if starts := starts_of(robot.text, **robot.reading):
         angles = ", ".join(f"{name}={angle:.6g}" for name, angle in starts.items())

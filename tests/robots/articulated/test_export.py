@@ -8,7 +8,7 @@ import pytest
 from articulated_files import CART, CRAWLER
 
 from robots.articulated import ArticulatedRobot, DriveReflexes, simulate
-from robots.articulated.leaving import command_table
+from robots.articulated.export import command_table
 from robots.free import Free
 
 pytestmark = pytest.mark.filterwarnings("ignore:model. ignored")
