@@ -15,6 +15,7 @@ KEPT = [
     "from robots.braitenberg import VehicleBody, sweep",
     "from robots.quadruped import LEGGED, WHEELED, WHEGGED, simulate as simulate_quadruped",
     "from taichi_sim.rigid import World",
+    "from robots.calibration import Trial",
     "from robots.hardware import export_csv, read_csv, PneumaticRig",
     "from optim.measures import learnability, interference, homeostasis",
     "from optim.lattice_robot_problem import LatticeRobotProblem",

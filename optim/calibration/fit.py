@@ -31,7 +31,7 @@ from optim.calibration.misfit import (
 )
 from optim.calibration.misfit import uncertainty as uncertainty_of
 from optim.calibration.outliers import outliers
-from robots.calibration import BOUNDS, NAMES, Experiment, Laboratory, Properties, Trial
+from robots.calibration import BOUNDS, NAMES, Experiment, Laboratory, Properties, Replica
 from taichi_sim.base.arrays import Floats
 
 STIFFER = 1.1  # times the modulus that was found: how far the last fit may go where steps depend on it
@@ -162,7 +162,7 @@ def _descend(misfit: Misfit, before: Properties, told: Told, share: tuple[float,
     misfit, point, first = _as_wide_as_errors(misfit)
     factors = _factors(first)
     end, found = _stepped(misfit, point, first.weighted(factors), factors, told, share)
-    began = misfit.predictions([Trial(before)])[0]
+    began = misfit.predictions([Replica(before)])[0]
     predictions = np.array([began, found.predictions])
     misses = np.sqrt(np.mean(((predictions - misfit.measured) / misfit.deviations * factors) ** 2, axis=1))
     low, high = misfit.limits

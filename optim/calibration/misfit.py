@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 from scipy.stats import norm, t
 
-from robots.calibration import Experiment, Laboratory, Properties, Trial
+from robots.calibration import Experiment, Laboratory, Properties, Replica
 from taichi_sim.base.arrays import Floats, Ints
 
 ASSUMED = 0.02  # standard deviation where none is given, relative to an experiment's largest value
@@ -156,7 +156,7 @@ class Misfit:
         values = np.exp(point)
         return replace(self.start, **{name: float(v) for name, v in zip(self.names, values, strict=True)})
 
-    def predictions(self, trials: Sequence[Trial]) -> Floats:
+    def predictions(self, trials: Sequence[Replica]) -> Floats:
         """Predicted values of all experiments in T trials, shape (T, N)."""
         return np.hstack([experiment.predict(trials, self.laboratory) for experiment in self.experiments])
 
@@ -165,7 +165,7 @@ class Misfit:
 
         ``scatter`` is the variance of one replica's residuals, shape (N,): it counts for the replica and for the rig.
         """
-        found = self.predictions([Trial(self.properties(point)) for point in points])
+        found = self.predictions([Replica(self.properties(point)) for point in points])
         squares = (((found - self.measured) / self.deviations) ** 2 / (1 + 2 * scatter)).sum(axis=1)
         return np.where(np.isfinite(squares), squares, np.inf)
 
@@ -185,7 +185,7 @@ class Misfit:
         count, (low, high) = points.shape[1], self.limits
         moves = WIDER * np.where(points < (low + high) / 2, 1.0, -1.0)
         beside = np.clip(points[:, None] + moves[:, None] * np.eye(count), low, high)
-        trials = [Trial(self.properties(each)) for each in np.concatenate([points, beside.reshape(-1, count)])]
+        trials = [Replica(self.properties(each)) for each in np.concatenate([points, beside.reshape(-1, count)])]
         found = (self.predictions(trials) - self.measured) / self.deviations / np.sqrt(1 + 2 * scatter)
         here, around = found[: len(points)], found[len(points) :].reshape(len(points), count, -1)
         ends = points.copy()
@@ -205,8 +205,8 @@ class Misfit:
         draws = min(REPLICAS, max(2, AROUND // (2 * count)))
         moves = self.width * np.concatenate([np.eye(count), -np.eye(count)])
         points = np.clip(point + moves, low, high)
-        trials = [Trial(self.properties(point), replica) for replica in range(REPLICAS)]
-        beside = [Trial(self.properties(moved), replica) for moved in points for replica in range(draws)]
+        trials = [Replica(self.properties(point), replica) for replica in range(REPLICAS)]
+        beside = [Replica(self.properties(moved), replica) for moved in points for replica in range(draws)]
         found = self.predictions([*trials, *beside])
         here, around = found[:REPLICAS], found[REPLICAS:].reshape(2 * count, draws, -1) / self.deviations
         gone = ~np.isfinite(around).all(axis=(1, 2))

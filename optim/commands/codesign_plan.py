@@ -12,7 +12,7 @@ from optim.commands.options import Option, count
 from optim.commands.robots import early
 from optim.problem import FILE, Objective, objectives_of, score_of
 from optim.problems import kind_of_description, kind_of_run, problem_of_run
-from optim.problems.designer import Design, Request, designer_of
+from optim.problems.designer import Design, DesignRequest, designer_of
 from optim.runs.config import GROUND_FILES, check_ground_files, has_run, read_config, run_of_any_seed, settings_of
 from optim.search import METHOD, METHODS, check_objectives, check_settings, default_settings, takes_several
 from robots.robot import RobotKind, find_robot_doing
@@ -197,7 +197,9 @@ def _robot_design(args: argparse.Namespace, known: dict[str, Any] | None, method
     if known and args.robot is not None and named.name != kind.name and not file:
         raise ValueError(f"robot: the run in {args.out} is one of {kind.title}; leave --robot out")
     given = {**args.parser.values(args, kind), **options.given_compute(args)}
-    return designer_of(kind).design(Request(source, given, method, takes_several(method), last, args.out, args.resume))
+    return designer_of(kind).design(
+        DesignRequest(source, given, method, takes_several(method), last, args.out, args.resume)
+    )
 
 
 def _problem_of_file(args: argparse.Namespace, known: dict[str, Any] | None) -> "Problem":

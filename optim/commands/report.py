@@ -47,14 +47,14 @@ def run(args: argparse.Namespace) -> Report:
         raise ValueError(f"out: {out} is not allowed; its name must end in {' or '.join(SUFFIXES)}")
     if args.no_player and args.frames is not None:
         raise ValueError("frames: there are none without a player; leave out --frames or --no-player")
-    from optim.report import Settings, build
+    from optim.report import ReportSettings, build
     from robots.hardware import PneumaticRig
     from taichi_sim.base.claims import claimed_path, undone_if_it_fails
     from taichi_sim.base.files import write_text
 
     args.held.enter_context(claimed_path("out", out))
     rig = PneumaticRig.load(args.rig) if args.rig else None
-    settings = Settings(not args.no_player, args.frames or Settings.frames, rig, args.by)
+    settings = ReportSettings(not args.no_player, args.frames or ReportSettings.frames, rig, args.by)
     with shown_progress("report", 1.0, args.quiet) as update:
         built = build(args.runs, settings, update)
     if not args.quiet:

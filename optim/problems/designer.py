@@ -43,7 +43,7 @@ VEHICLE_WORDS = {"total": "mean", "environments": "each"}  # what these are of r
 
 
 @dataclass(frozen=True)
-class Request:
+class DesignRequest:
     """The request to ``codesign``: the robot, its options and its worlds.
 
     Attributes:
@@ -124,7 +124,7 @@ class Designer:
             *self.kind.options_for("codesign"),
         )
 
-    def design(self, asked: Request) -> Design:
+    def design(self, asked: DesignRequest) -> Design:
         """The problem asked for; what is not given is as in the run that continues, or else the default.
 
         Raises:
@@ -145,7 +145,7 @@ class Designer:
         settings.setdefault("objective", "each" if asked.several else "mean")
         return Design(RobotProblem(make_robot(self.kind, asked.source, self._own(asked.given)), **settings))
 
-    def _objectives(self, asked: Request) -> dict[str, Any]:
+    def _objectives(self, asked: DesignRequest) -> dict[str, Any]:
         """Fields of the problem by which it is judged; several goals are judged by their mean unless a word is given.
 
         Raises:
@@ -163,7 +163,7 @@ class Designer:
         names = {option.name for option in self.kind.options}
         return {name: value for name, value in given.items() if name in names}
 
-    def _continued(self, asked: Request, settings: dict[str, Any]) -> Problem:
+    def _continued(self, asked: DesignRequest, settings: dict[str, Any]) -> Problem:
         """The problem of the run, with what may be given again."""
         known: Any = asked.known
         own = self._own(asked.given)
@@ -228,7 +228,7 @@ class VehicleDesigner(Designer):
             own if option.name == "objective" else option for option in super().options if option.name != "measure"
         )
 
-    def design(self, asked: Request) -> Design:
+    def design(self, asked: DesignRequest) -> Design:
         """The problem of a vehicle."""
         from optim.problems.braitenberg import VehicleProblem
 

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from optim.problem import Problem
-from optim.problems.designer import COMPUTE, Designer, Request, designer_of
+from optim.problems.designer import COMPUTE, Designer, DesignRequest, designer_of
 from optim.problems.robot import RobotProblem
 from optim.problems.robot_designing import RobotDesigning
 from optim.search import METHOD
@@ -34,7 +34,8 @@ def problem_of_task(task: Task, **compute: Unpack[ComputeOptions]) -> RobotDesig
     kind, source = find_robot_doing(task.source)
     designer = designer_of(kind)
     given = {**_given(task, designer), **compute}
-    problem = designer.design(Request(source, given, task.options.get("method", METHOD), False, None, Path())).problem
+    asked = DesignRequest(source, given, task.options.get("method", METHOD), False, None, Path())
+    problem = designer.design(asked).problem
     assert isinstance(problem, RobotDesigning)
     check_task(task, problem)
     return problem

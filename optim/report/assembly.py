@@ -40,7 +40,7 @@ FOOT = "Made by morpholab report. This page is one file and needs no network."
 
 
 @dataclass(frozen=True)
-class Settings:
+class ReportSettings:
     """What a report shall have."""
 
     player: bool = True  # whether the best design is simulated again and can be played
@@ -59,7 +59,7 @@ class Built:
     left_out: list[str] = field(default_factory=list)  # why runs could not be read, a line each
 
 
-def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Built:
+def build(paths: Sequence[Path], settings: ReportSettings, progress: Progress) -> Built:
     """The page of a run, of several that are judged alike, or of one study, in folders, or in folders of such.
 
     Raises ValueError for what cannot be reported, before anything is simulated.
@@ -90,9 +90,9 @@ def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Buil
     return replace(_page(best, title, lead, (sections, {"comparison": document}), settings, progress), left_out=damaged)
 
 
-def _check_compared(path: Path, settings: Settings) -> None:
+def _check_compared(path: Path, settings: ReportSettings) -> None:
     """Refuse an axis by which nothing is compared."""
-    if settings.axis != Settings.axis:
+    if settings.axis != ReportSettings.axis:
         raise ValueError(f"by: {path} is not compared with others; leave it out")
 
 
@@ -115,7 +115,7 @@ def _page(
     title: str,
     lead: Sequence[Html],
     compared: tuple[Sequence[Section], dict[str, Any]],
-    settings: Settings,
+    settings: ReportSettings,
     progress: Progress,
 ) -> Built:
     """The page of a run, after sections that compare several, given as markup and for machines."""

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from robots.articulated.worlds import relief_under
 from robots.outcome import World
-from robots.view.motion import Ground, Motion, speed_channels
+from robots.view.motion import GroundPlane, Motion, speed_channels
 from robots.view.rigid_motion import LIGHT, SWITCH, VALUE, frame_channels, rigid_motion
 from robots.view.scene import HUES, SUN
 from robots.world import Terrain
@@ -88,5 +88,5 @@ def on_its_ground(motion: Motion, robot: "ArticulatedRobot", world: World) -> Mo
         return motion
     if world.is_fluid:
         level = float(motion.translation[..., 2].min() - motion.scale.max())
-        return replace(motion, ground=Ground(level, solid=False))
-    return replace(motion, ground=Ground(0.0, world.slope, robot.heading, relief=relief_under(robot, world)))
+        return replace(motion, ground=GroundPlane(level, solid=False))
+    return replace(motion, ground=GroundPlane(0.0, world.slope, robot.heading, relief=relief_under(robot, world)))

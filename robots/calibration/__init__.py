@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from robots.calibration.experiments import Experiment as Experiment
     from robots.calibration.experiments import Gait as Gait
     from robots.calibration.laboratory import Laboratory as Laboratory
+    from robots.calibration.laboratory import Replica as Replica
     from robots.calibration.laboratory import Trial as Trial
     from robots.calibration.measurements import Measurements as Measurements
     from robots.calibration.measurements import read_measurements as read_measurements

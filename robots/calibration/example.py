@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from robots.calibration.experiments import Diameter, Drag, Experiment, Gait
-from robots.calibration.laboratory import Laboratory, Trial
+from robots.calibration.laboratory import Laboratory, Replica
 from robots.calibration.properties import Properties
 from robots.inflatable.design import INCHING
 
@@ -27,7 +27,7 @@ def example(laboratory: Laboratory, seed: int = 0, truth: Properties = TRUTH, no
     ]
     rng, measured = np.random.default_rng(seed), []
     for experiment in planned:
-        exact = experiment.predict([Trial(truth, _START)], laboratory)[0]
+        exact = experiment.predict([Replica(truth, _START)], laboratory)[0]
         deviations = np.full(len(exact), noise * np.sqrt(np.mean(exact**2)))
         values = exact + deviations * rng.standard_normal(len(exact))
         measured.append(replace(experiment, values=values, deviations=deviations))

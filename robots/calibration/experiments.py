@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from robots.calibration.laboratory import Laboratory, Trial
+from robots.calibration.laboratory import Laboratory, Replica
 from robots.inflatable.body import FIRST_BLADDER, SKIN_REGIONS, kinds_of
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.program import RobotEvents, write_gait
@@ -62,7 +62,7 @@ class Drag:
         """Friction by the plateau, the modulus by the rise."""
         return ("friction" if self.grips else "low_friction", "modulus")
 
-    def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Floats:
+    def predict(self, trials: Sequence[Replica], laboratory: Laboratory) -> Floats:
         """Forces on the held end [N], shape (T, N), in closed form: pulled slowly, the strip is at rest at all times.
 
         It is a chain of ``LENGTH`` columns. From the held end on one after the other begins to slide, when what pulls
@@ -108,7 +108,7 @@ class Diameter:
         """Which side is measured, and its unit."""
         return f"{self.side} [m]"
 
-    def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Floats:
+    def predict(self, trials: Sequence[Replica], laboratory: Laboratory) -> Floats:
         """Extents of the skin at rest [m], shape (T, N)."""
         body, engine = laboratory.engine(trials, Terrain())
         levels, place = np.unique(self.at, return_inverse=True)
@@ -120,7 +120,7 @@ class Diameter:
         return np.where((run.status == "ok")[:, None], found[:, place], np.nan)
 
 
-def _steps_of_pressure(trials: Sequence[Trial], laboratory: Laboratory, levels: Floats) -> LatticeProgram:
+def _steps_of_pressure(trials: Sequence[Replica], laboratory: Laboratory, levels: Floats) -> LatticeProgram:
     """A ramp to every pressure [Pa] and a hold, after which robots are measured."""
     builder, rate = ProgramBuilder(len(trials)), _RAMP * laboratory.time_step
     hold = round(_HOLD / laboratory.time_step)
@@ -181,7 +181,7 @@ class Gait:
         """What is measured, and its unit."""
         return "mean speed [m/s]" if self.mean_speed else "distance [m]"
 
-    def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Floats:
+    def predict(self, trials: Sequence[Replica], laboratory: Laboratory) -> Floats:
         """Displacements of the middle of the robot [m], or mean speeds [m/s], shape (T, N)."""
         body, engine = laboratory.engine(trials, self.terrain)
         times, place = np.unique(self.at, return_inverse=True)

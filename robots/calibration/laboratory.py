@@ -14,16 +14,19 @@ from taichi_sim.lattice import LatticeBody, LatticeEngine
 
 
 @dataclass(frozen=True)
-class Trial:
+class Replica:
     """One simulation of an experiment.
 
     Attributes:
         properties: properties of the robot.
-        replica: number of the draw of start noise; trials with the same replica start alike.
+        replica: number of the draw of start noise; those of the same number start alike.
     """
 
     properties: Properties
     replica: int = 0
+
+
+Trial = Replica  # its former name
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ class Laboratory:
         """Actuation of a robot with the given properties."""
         return properties.drive_of(self.actuation, self.geometry.time_step, self.time_step)
 
-    def engine(self, trials: Sequence[Trial], terrain: Terrain) -> tuple[LatticeBody, LatticeEngine]:
+    def engine(self, trials: Sequence[Replica], terrain: Terrain) -> tuple[LatticeBody, LatticeEngine]:
         """Engine for the robots of some trials, with noise on their starts, and the body of the first.
 
         The bodies differ only in their materials.

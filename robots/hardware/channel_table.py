@@ -46,7 +46,7 @@ _TIMES = 1e-6  # to which times of rows are rounded [s]
 
 
 @dataclass(frozen=True)
-class Calibration:
+class PressureScale:
     """The straight line between a quantity and the pressure on its line.
 
     Attributes:
@@ -91,7 +91,7 @@ class Wave:
 
     name: str
     values: Floats
-    calibration: Calibration
+    calibration: PressureScale
     about: Mapping[str, Any]
 
 
@@ -340,7 +340,7 @@ def _read(lines: Sequence[str]) -> ChannelTable:
 
 def _wave(record: dict[str, Any], nodes: int) -> Wave:
     told = dict(record)
-    name, calibration = told.pop("channel"), Calibration(**{field: told.pop(field) for field in _CALIBRATION})
+    name, calibration = told.pop("channel"), PressureScale(**{field: told.pop(field) for field in _CALIBRATION})
     return Wave(str(name), np.zeros(nodes), calibration, told)
 
 

@@ -84,7 +84,7 @@ def full_stroke_steps(actuation: InflatableActuation) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Strokes:
     """How bladders go from one thickness to another, shape (8,) each. Arrays may be traced to carry derivatives.
 
     Attributes:
@@ -124,13 +124,13 @@ class Column:
     motion_steps: int
     inflation: Array
     grip: Array
-    motion: Motion
+    motion: Strokes
     pressures: tuple[float | Array, float | Array] | None = None
 
 
 def approach(
     levels: Array, told: Array, strokes_only: bool, actuation: InflatableActuation, pace: Array | None = None
-) -> Motion:
+) -> Strokes:
     """The motion of bladders of a thickness that are told to inflate by 0 to 1, shape (8,) each.
 
     With ``strokes_only``, all are told 0 or 1 and the published rule counts all steps; it has no ``pace``, which is
@@ -152,7 +152,7 @@ def approach(
     for i in np.flatnonzero(counted):
         (moving[i], ends[i]), arrival[i] = stroke(actuation, float(now[i]), bool(wanted[i])), 0.0
     last = revalued(np.where(stays, levels, target), ends)
-    return Motion(levels, last, direction, moving, revalued(time, arrival), ~stays, rate)
+    return Strokes(levels, last, direction, moving, revalued(time, arrival), ~stays, rate)
 
 
 def _are_strokes(levels: Floats, told: Floats, a: InflatableActuation) -> Bools:
@@ -188,7 +188,7 @@ def play(
     levels = np.full(BLADDER_COUNT, actuation.deflated) if levels is None else levels
     pressure = None if core is None else core[0]
     plain = not any(isinstance(each, TracedArray) for each in (targets, pace, levels))
-    known = dict[tuple[int, bytes], Motion]()  # cycles soon repeat
+    known = dict[tuple[int, bytes], Strokes]()  # cycles soon repeat
     for number, (least, settle) in enumerate(durations(schedule, actuation)):
         t = number % schedule.columns
         own = None if pace is None else pace[:, t]

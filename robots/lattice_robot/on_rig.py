@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robots.hardware.channel_play import waves_behind
-from robots.hardware.channel_table import Calibration, ChannelTable, Rhythm, Wave, too_few_lines
+from robots.hardware.channel_table import ChannelTable, PressureScale, Rhythm, Wave, too_few_lines
 from robots.hardware.own_lines import lines_of, misplaced
 from robots.hardware.rig import PneumaticRig
 from robots.lattice_robot.channels import Channel, channels_of
@@ -78,16 +78,16 @@ def waves_of(robot: "LatticeRobot", rig: PneumaticRig, full_scale: FullScale | N
 
 def _calibration(
     channel: Channel, channels: list[Channel], off: float, on: float, full_scale: FullScale | None
-) -> Calibration:
+) -> PressureScale:
     if channel.quantity == "pressure":
-        return Calibration(0.0, 1e3, 0.0, 1.0)  # Pa are kPa
+        return PressureScale(0.0, 1e3, 0.0, 1.0)  # Pa are kPa
     if isinstance(full_scale, tuple):
-        return Calibration(*full_scale, off, on)
+        return PressureScale(*full_scale, off, on)
     if full_scale is not None:
-        return Calibration(channel.rest, channel.rest + full_scale, off, on)
+        return PressureScale(channel.rest, channel.rest + full_scale, off, on)
     values = np.array([other.values for other in channels if other.quantity == channel.quantity])
     low, high = float(values.min()), float(values.max())
-    return Calibration(low, high if high > low else low + 1.0, off, on)
+    return PressureScale(low, high if high > low else low + 1.0, off, on)
 
 
 def rhythm_of(robot: "LatticeRobot") -> Rhythm:

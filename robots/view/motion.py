@@ -113,7 +113,7 @@ class Node:
 
 
 @dataclass(frozen=True)
-class Ground:
+class GroundPlane:
     """The ground below a motion: a plane z = level in the frame of the motion, or uneven ground above it.
 
     Attributes:
@@ -192,7 +192,7 @@ class Motion(ShortText):
     channels: tuple[Channel, ...] = ()
     lights: Floats = ()  # type: ignore[assignment]
     light_radius: float = 0.05
-    ground: Ground = Ground()
+    ground: GroundPlane = GroundPlane()
     skin: Skin | None = None
     lattice: LatticeStates | None = None
     centre_of_mass: Floats = ()  # type: ignore[assignment]

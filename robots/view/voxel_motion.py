@@ -7,7 +7,7 @@ from robots.view.lattice_states import LatticeStates
 from robots.view.mesh import knots
 from robots.view.motion import (
     Channel,
-    Ground,
+    GroundPlane,
     Motion,
     Node,
     Skin,
@@ -67,7 +67,7 @@ def voxel_motion(
     middles = places + rotate(turns, (extents[..., 1::2] - extents[..., 0::2]) / 2)
     sizes = extents[..., 1::2] + extents[..., 0::2]
     if terrain is not None and terrain.is_fluid:
-        ground = Ground(float(middles[..., 2].min() - sizes.max()), 0.0, float(headings[0]), solid=False)
+        ground = GroundPlane(float(middles[..., 2].min() - sizes.max()), 0.0, float(headings[0]), solid=False)
     else:
         ground = _ground(terrain or Terrain(), float(headings[0]), body.voxel_size)
     return Motion(
@@ -101,7 +101,7 @@ def _checked(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:
     return frames
 
 
-def _ground(terrain: Terrain, heading: float, edge: float) -> Ground:
+def _ground(terrain: Terrain, heading: float, edge: float) -> GroundPlane:
     """Ground of a terrain for a robot with voxels of a given edge [m] and a heading [degrees]."""
     relief = terrain.uneven.relief(heading, edge) if terrain.uneven else None
-    return Ground(-0.5 * edge, terrain.slope, heading, relief=relief)
+    return GroundPlane(-0.5 * edge, terrain.slope, heading, relief=relief)

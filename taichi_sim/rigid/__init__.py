@@ -9,7 +9,7 @@ from taichi_sim.rigid.session import RigidSession
 from taichi_sim.rigid.state import Frames, RigidResult, State
 from taichi_sim.rigid.tables import Senses
 
-World = Physics  # its name in versions 1 and 2
+World = Physics  # its former name
 
 __all__ = [
     "Body",

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from robots.calibration import BOUNDS, Drag, Laboratory, Properties, Trial
+from robots.calibration import BOUNDS, Drag, Laboratory, Properties, Replica
 from robots.inflatable import INCHING, InflatableActuation, InflatableGeometry
 from robots.inflatable.schedule import GaitSchedule
 
@@ -28,6 +28,6 @@ def noisy(experiments, seed, noise=0.002):
     rng = np.random.default_rng(seed)
     measured = []
     for experiment in experiments:
-        exact = experiment.predict([Trial(TRUE, 77)], BENCH)[0]
+        exact = experiment.predict([Replica(TRUE, 77)], BENCH)[0]
         measured.append(dataclasses.replace(experiment, values=exact * (1 + noise * rng.standard_normal(len(exact)))))
     return measured

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import RelaxableProblem
-from optim.problems.designer import COMPUTE, Design, Designer, Request
+from optim.problems.designer import COMPUTE, Design, Designer, DesignRequest
 from robots.inflatable.actuation import WEIGHTS
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.kind import BLADDERS_OPTION, GEOMETRIES, RIG_OPTION, load_gait, pressure
@@ -172,7 +172,7 @@ class InflatableDesigner(Designer):
         )
         return (*worlds, objective, *OPTIONS)
 
-    def design(self, asked: Request) -> Design:
+    def design(self, asked: DesignRequest) -> Design:
         """The gait problem asked for, and what was fixed by default."""
         from optim.problems.inflatable.problem import GaitProblem
 
@@ -212,7 +212,7 @@ class InflatableDesigner(Designer):
         return found
 
 
-def _choose_objectives(settings: dict[str, Any], args: SimpleNamespace, asked: Request) -> None:
+def _choose_objectives(settings: dict[str, Any], args: SimpleNamespace, asked: DesignRequest) -> None:
     """The mean over the terrains, or each of them where the method looks for a front."""
     texts = args.objective or []
     for text in texts:
@@ -234,7 +234,7 @@ def _choose_objectives(settings: dict[str, Any], args: SimpleNamespace, asked: R
         raise ValueError("objective: 'terrains' needs at least two; repeat --terrain, or choose --objective mean")
 
 
-def _choose_robot(settings: dict[str, Any], args: SimpleNamespace, asked: Request) -> None:
+def _choose_robot(settings: dict[str, Any], args: SimpleNamespace, asked: DesignRequest) -> None:
     """Body, terrains, simulation, what is uncertain, and what belongs to graded gaits."""
     from optim.problems.uncertain import uncertain_settings
 
@@ -255,7 +255,7 @@ def _choose_robot(settings: dict[str, Any], args: SimpleNamespace, asked: Reques
         raise ValueError("terrain: none given; say where the robot shall travel, such as --terrain flat")
 
 
-def _choose_parts(settings: dict[str, Any], args: SimpleNamespace, asked: Request) -> str:
+def _choose_parts(settings: dict[str, Any], args: SimpleNamespace, asked: DesignRequest) -> str:
     """Set what is not free; a note on what was fixed by default."""
     from optim.problems.inflatable.settings import MORE_PARTS
 
@@ -275,7 +275,7 @@ def _choose_parts(settings: dict[str, Any], args: SimpleNamespace, asked: Reques
     return f"{', '.join(taken)} neither free nor given: as in {gait}" if taken and not args.gait else ""
 
 
-def _free_parts(args: SimpleNamespace, asked: Request) -> Collection[str]:
+def _free_parts(args: SimpleNamespace, asked: DesignRequest) -> Collection[str]:
     """The parts of the design that are free: those of ``--free``, of the run that goes on, or the usual ones."""
     from optim.problems.inflatable.settings import MORE_PARTS, PARTS
 

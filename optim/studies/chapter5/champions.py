@@ -11,7 +11,7 @@ import numpy as np
 from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.results import Costs, Progress, computed_arrays
 from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PAIRED, Experiment, Found, ShapeChange
-from optim.studies.chapter5.gaits import Case, Robot, repeated
+from optim.studies.chapter5.gaits import Case, GaitRuns, repeated
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.design import INCHING, ROLLING
 from taichi_sim.base.arrays import Floats
@@ -103,7 +103,7 @@ class Player:
     def _speeds(self, part: str, cases: Sequence[Case], progress: Progress, **how: Any) -> Floats:
         """Play cases now, at a cost of some part of the study."""
         with self.costs.of(part):
-            robot = Robot(NAMED_GEOMETRIES[self.settings.geometry], **how)
+            robot = GaitRuns(NAMED_GEOMETRIES[self.settings.geometry], **how)
             return robot.speeds(cases, self.threads, progress)
 
 

@@ -15,7 +15,7 @@ from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from optim.experiments.results import Progress, write_summary
 from optim.experiments.study import Study
 from optim.experiments.tables import cell, markdown, page
-from optim.studies.chapter5.gaits import Case, Robot, kept_speeds, shown, spread
+from optim.studies.chapter5.gaits import Case, GaitRuns, kept_speeds, shown, spread
 from robots.inflatable.design import INCHING
 from robots.world import Terrain
 from taichi_sim.base import checks
@@ -44,7 +44,7 @@ class FrictionSweeps:
     """Frictions of feet, and the robot that inches with them."""
 
     fixed: ClassVar = ("robot.actuation.high_friction", "robot.actuation.low_friction")  # what it sweeps
-    robot: Robot = field(default_factory=Robot)  # that inches
+    robot: GaitRuns = field(default_factory=GaitRuns)  # that inches
     # of each sweep: friction of sliding and of gripping feet, and the published speed [body lengths/s]. Each replaces
     # the robot's own everywhere: skin, seams and feet; bladders have a third of the higher one
     points: Points = field(default_factory=lambda: FRICTION)
@@ -168,7 +168,7 @@ def draw(rows: Sequence[Mapping[str, Any]], speeds: Floats, path: Path) -> None:
 STUDY = Study(
     title="inching on flat ground with other friction of sliding and gripping feet",
     source="chapter 5, figure of friction, d and e",
-    scales={"small": FrictionSweeps(Robot(copies=2)), "full": FrictionSweeps()},
+    scales={"small": FrictionSweeps(GaitRuns(copies=2)), "full": FrictionSweeps()},
     run=study,
     tell=tell,
     writes=("friction.md", "friction.csv", "friction.png", "summary.json"),

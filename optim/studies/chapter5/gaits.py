@@ -52,7 +52,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Robot(Settings):
+class GaitRuns(Settings):
     """The robot that plays the gaits, and how it is simulated."""
 
     geometry: InflatableGeometry = PUBLISHED  # shape and materials
@@ -114,7 +114,7 @@ class Robot(Settings):
 
 
 def kept_speeds(data: Data, cases: int) -> Floats:
-    """Read the speeds of so many cases that :meth:`Robot.speeds_in_parts` has kept, shape (cases, copies).
+    """Read the speeds of so many cases that :meth:`GaitRuns.speeds_in_parts` has kept, shape (cases, copies).
 
     Raises ValueError if a part is missing, or they are those of other cases.
     """

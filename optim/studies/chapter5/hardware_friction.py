@@ -17,7 +17,7 @@ from optim.experiments.data import Data, Kind
 from optim.experiments.results import Progress, computed_arrays, write_summary
 from optim.experiments.study import Settings, Study
 from optim.experiments.tables import Record, write_records
-from optim.studies.chapter5.gaits import Case, Robot
+from optim.studies.chapter5.gaits import Case, GaitRuns
 from optim.studies.chapter5.hardware_speeds import (
     AGREES,
     MEASURED,
@@ -86,7 +86,7 @@ class HardwareFriction(Settings):
     """What was not measured, with the values that are tried, and the robot that plays the gaits."""
 
     fixed: ClassVar = tuple(f"robot.actuation.{name}" for name in ("weight", "high_friction", "low_friction"))
-    robot: Robot = field(default_factory=lambda: Robot(precision="f32", copies=4))
+    robot: GaitRuns = field(default_factory=lambda: GaitRuns(precision="f32", copies=4))
     weights: Annotated[tuple[str, ...], _weights] = WEIGHTS  # of bladders
     inflations: Annotated[tuple[float, ...], _shares] = (0.6, 0.9, 1.0)  # shares of a bladder's full stroke
     pressures: Annotated[tuple[float, ...], _pressures] = (8e3, 12e3)  # of the core while the robot rolls [Pa]
@@ -161,7 +161,7 @@ class Batch:
             for m, pressure, timing in self.cases
         ]
 
-    def speeds(self, robot: Robot, threads: int | None, progress: Progress) -> Floats:
+    def speeds(self, robot: GaitRuns, threads: int | None, progress: Progress) -> Floats:
         """Speeds in the time simulated [body lengths/s], shape (cases, copies); NaN of what diverged."""
         usual = robot.actuation
         inflated = usual.deflated + self.inflation * (usual.inflated - usual.deflated)
@@ -213,10 +213,10 @@ STUDY = Study(
     title="speeds measured on hardware, on wood and acrylic, beside simulated ones, and what reconciles them",
     source="chapter 5, transferring to a physical robot, and figure of friction, c",
     scales={
-        "small": HardwareFriction(Robot(precision="f32", copies=2), inflations=(1.0,), pressures=(12e3,), rigs=()),
+        "small": HardwareFriction(GaitRuns(precision="f32", copies=2), inflations=(1.0,), pressures=(12e3,), rigs=()),
         "medium": HardwareFriction(),
         "full": HardwareFriction(
-            Robot(precision="f32"), inflations=(0.4, 0.6, 0.8, 1.0), pressures=(6e3, 8e3, 10e3, 12e3, 14e3)
+            GaitRuns(precision="f32"), inflations=(0.4, 0.6, 0.8, 1.0), pressures=(6e3, 8e3, 10e3, 12e3, 14e3)
         ),
     },
     run=study,

@@ -22,7 +22,7 @@ from optim.experiments.study import Settings, Study, Whole
 from optim.experiments.tables import Record, column, distinct, where
 from optim.measures.overlap import learnability, resistance
 from optim.measures.statistics import spearman, wilson
-from optim.studies.chapter5.gaits import Case, Robot, Uphill
+from optim.studies.chapter5.gaits import Case, GaitRuns, Uphill
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import ROWS, GaitSchedule
 from robots.inflatable.simulation import travel_directions
@@ -52,7 +52,7 @@ class SoftRobotMetrics(Settings):
     gaits: Annotated[int, partial(checks.integer, low=1, high=100_000)] = 512
     slope: Uphill = 15.0  # of the hill [degrees]
     seed: Whole = 1  # of the sample
-    robot: Robot = Robot(precision="f32", copies=1, noise=0.0)  # noqa: RUF009 (immutable)
+    robot: GaitRuns = GaitRuns(precision="f32", copies=1, noise=0.0)  # noqa: RUF009 (immutable)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -18,7 +18,7 @@ from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic
 from optim.experiments.results import Progress, computed_arrays, write_summary
 from optim.experiments.study import Count, Settings, Study
 from optim.experiments.tables import Record, column, distinct, markdown, page, where
-from optim.studies.chapter5.gaits import Case, Robot, repeated, shown, spread
+from optim.studies.chapter5.gaits import Case, GaitRuns, repeated, shown, spread
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.design import INCHING, ROLLING
@@ -155,7 +155,7 @@ class Sensitivity(Settings):
     factors: Mapping[str, tuple[float, ...]] = field(
         default_factory=lambda: FACTORS
     )  # of ``VARIATIONS``, one at a time
-    robot: Robot = field(default_factory=lambda: Robot(copies=5))  # of 3 behaviours: 15 of 16 lanes
+    robot: GaitRuns = field(default_factory=lambda: GaitRuns(copies=5))  # of 3 behaviours: 15 of 16 lanes
     repeats: Count = 2  # how often the columns of the gaits are played
     # of the hill [degrees]
     slope: Annotated[float, partial(checks.number, low=-STEEPEST, high=STEEPEST, unit="degrees")] = 15.0
@@ -309,7 +309,7 @@ def draw(rows: Sequence[Record], path: Path) -> None:
 STUDY = Study(
     title="whether rolling and inching survive other moduli, densities, time steps, pressures and voxels",
     source="chapter 5, discussion of the simulator's parameters",
-    scales={"small": Sensitivity(FEW_FACTORS, Robot(precision="f32", copies=5), repeats=1), "full": Sensitivity()},
+    scales={"small": Sensitivity(FEW_FACTORS, GaitRuns(precision="f32", copies=5), repeats=1), "full": Sensitivity()},
     run=study,
     tell=tell,
     writes=("sensitivity.md", "sensitivity.csv", "sensitivity.png", "summary.json"),

@@ -19,7 +19,7 @@ from optim.experiments.study import Study
 from optim.experiments.tables import markdown, page
 from optim.measures.statistics import bootstrap_means
 from optim.plots import draw_band
-from optim.studies.chapter5.gaits import Case, Robot, kept_speeds, shown, spread
+from optim.studies.chapter5.gaits import Case, GaitRuns, kept_speeds, shown, spread
 from robots.inflatable.design import INCHING, ROLLING
 from robots.world import Terrain
 from taichi_sim.base.arrays import Bools, Floats
@@ -35,7 +35,7 @@ class SlopeSweep:
     """Slopes that are climbed, and the robot that climbs them."""
 
     slopes: tuple[float, ...] = tuple(map(float, range(16)))  # ascending, at least two [degrees]
-    robot: Robot = field(default_factory=Robot)  # that rolls and inches
+    robot: GaitRuns = field(default_factory=GaitRuns)  # that rolls and inches
 
     def __post_init__(self) -> None:
         slopes = [Terrain(slope).slope for slope in self.slopes]
@@ -163,8 +163,8 @@ STUDY = Study(
     title="rolling and inching up slopes, and the slope at which inching overtakes",
     source="chapter 5, transition of gaits",
     scales={
-        "small": SlopeSweep((0.0, 3.0, 6.0, 9.0, 12.0, 15.0), Robot(copies=2)),
-        "medium": SlopeSweep(robot=Robot(copies=2)),
+        "small": SlopeSweep((0.0, 3.0, 6.0, 9.0, 12.0, 15.0), GaitRuns(copies=2)),
+        "medium": SlopeSweep(robot=GaitRuns(copies=2)),
         "full": SlopeSweep(),
     },
     run=study,

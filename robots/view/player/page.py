@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from robots.view.motion import Channel, Ground, Motion, Skin, diameter
+from robots.view.motion import Channel, GroundPlane, Motion, Skin, diameter
 from robots.view.player.packing import Packed, pack
 from robots.view.uneven import cut, is_plain, node_tints
 from taichi_sim.base.arrays import Floats, Ints
@@ -128,7 +128,7 @@ def _view(motion: Motion) -> dict[str, Any]:
     }
 
 
-def _relief(ground: Ground, ends: Floats, frame: Floats) -> dict[str, Any]:
+def _relief(ground: GroundPlane, ends: Floats, frame: Floats) -> dict[str, Any]:
     """Describe the visible part of uneven ground for JSON; empty for a plane.
 
     Args:

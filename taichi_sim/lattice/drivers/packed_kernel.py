@@ -54,7 +54,7 @@ from taichi_sim.lattice.drivers.packed_lanes import (
     SHARES,
     SPREAD_ROW,
     Lanes,
-    Robot,
+    PackedRobot,
     gather_all,
     lane_types,
     minus_all,
@@ -357,7 +357,7 @@ def packed_kernel(real: Real, recording: bool, medium: Medium, serial: bool) -> 
                 t = ti.static(with_lanes(given, p, ms, i))
                 tg = ti.static(of_groups(groups, t))
                 k, h = i * launch.slots, i * launch.group_slots
-                r = ti.static(Robot(i, k, h, m, ms, g, gs, g2, t, tg, p, pairs))
+                r = ti.static(PackedRobot(i, k, h, m, ms, g, gs, g2, t, tg, p, pairs))
                 left = launch.steps
                 while left > 0 and info[i, STATE] == RUNNING and info[i, STEP] < launch.until:
                     left -= 1

@@ -83,7 +83,7 @@ def lane_types(real: Real) -> Lanes:
     return Lanes(real.width, *rows, *shapes, *(flat,) * 3, ints(2), *(flat,) * 6, real_array)
 
 
-class Robot(NamedTuple):
+class PackedRobot(NamedTuple):
     """What a kernel knows of the robot that it steps: its number, offsets in the memories, tables, contact lists.
 
     Attributes:

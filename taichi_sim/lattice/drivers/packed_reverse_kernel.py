@@ -86,7 +86,7 @@ class Back(NamedTuple):
         u, ug: memories of the step that is undone, of voxels and of groups; keys of the robot.
         memories: see ``Memories``.
         rs: recorded states as scalars.
-        i, t, tg, p: as in ``packed_lanes.Robot``.
+        i, t, tg, p: as in ``packed_lanes.PackedRobot``.
     """
 
     u: Any

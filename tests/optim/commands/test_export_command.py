@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robots.hardware import KPA_PER_UNIT, PneumaticRig, export_csv, gait_table, read_csv
-from robots.hardware.channel_table import Calibration, Rhythm, Wave, channel_table
+from robots.hardware.channel_table import PressureScale, Rhythm, Wave, channel_table
 from robots.hardware.plain_files import write_plain
 from robots.hardware.stream import Stream
 from robots.inflatable import INCHING, ROLLING, save_design
@@ -77,7 +77,7 @@ def test_a_table_is_in_the_units_of_its_rig(morpholab, folder):
     assert read_csv(folder / "kpa.csv").pressures[:, 0].max() == 50
     rig = PneumaticRig.load(folder / "psi.toml")
     assert gait_table(ROLLING, rig).units == "psi" and gait_table(ROLLING).units == "kpa"
-    wave = Wave("legs", np.array([0.0, 1.0]), Calibration(0.0, 1.0, 0.0, 10.0), {})
+    wave = Wave("legs", np.array([0.0, 1.0]), PressureScale(0.0, 1.0, 0.0, 10.0), {})
     assert channel_table("mine", [wave], Rhythm(0.1, 1, 5.0, 2), rig).units == "psi"
 
 

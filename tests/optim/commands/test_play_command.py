@@ -19,7 +19,7 @@ import pytest
 from worker_checks import heed_interrupts
 
 from robots.hardware import PneumaticRig, export_csv, read_csv, write_csv
-from robots.hardware.channel_table import Calibration, Rhythm, Wave, channel_table
+from robots.hardware.channel_table import PressureScale, Rhythm, Wave, channel_table
 from robots.hardware.controller import check_baud, serial_link
 from robots.hardware.stream import CommaLines, JsonLines, Sample, stream_of
 from robots.inflatable import ROLLING
@@ -447,7 +447,7 @@ struct Line {
 def test_a_rig_of_own_lines_is_played_to_a_controller(morpholab, folder):
     (folder / "two.toml").write_text('lines = ["left", "right"]\n[channels.default]\nslew_kpa_per_s = 1e4\n')
     rig = PneumaticRig.load(folder / "two.toml")
-    wave = Wave("a", np.array([0.0, 1.0]), Calibration(0.0, 1.0, 0.0, 20.0), {})
+    wave = Wave("a", np.array([0.0, 1.0]), PressureScale(0.0, 1.0, 0.0, 20.0), {})
     write_csv(channel_table("robot", [wave], Rhythm(20.0, 1, 0.05, 2), rig), folder / "two.csv")
     controller = Controller(ok)
     line = f"play two.csv --port {controller.path} --ready 0 --ack 2 --rate 40 --rig two.toml"

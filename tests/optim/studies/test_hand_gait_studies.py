@@ -11,7 +11,7 @@ from graded import QUICK, TINY
 
 from optim.experiments.data import Data
 from optim.studies.chapter5 import friction, hardware_friction, metrics, sensitivity, slopes
-from optim.studies.chapter5.gaits import Case, Robot
+from optim.studies.chapter5.gaits import Case, GaitRuns
 from optim.studies.chapter5.metrics import draw
 from optim.studies.chapter5.sensitivity import VARIATIONS, retimed, with_duration, with_pressure, with_voxels
 from robots.inflatable import ACTUATION, PUBLISHED, SMALL, InflatableDesign
@@ -21,7 +21,7 @@ from robots.inflatable.timing import nominal_steps
 from robots.world import Terrain
 from taichi_sim.base.results_folder import ResultsFolder
 
-TWO = Robot(copies=2)
+TWO = GaitRuns(copies=2)
 
 
 def gaits_of(simulator):
@@ -304,7 +304,7 @@ def test_metrics_are_studied_body_by_body_with_the_same_gaits(simulator, tmp_pat
 def test_one_run_on_flat_ground_tells_the_speeds_of_all_orientations(monkeypatch):
     """By the simulator itself, one short gait."""
     monkeypatch.setattr(metrics.SoftRobotMetrics, "schedules", [GaitSchedule(np.eye(10, 8, dtype=bool), 1)])
-    robot = Robot(geometry=TINY, actuation=QUICK, copies=1, noise=0.0)
+    robot = GaitRuns(geometry=TINY, actuation=QUICK, copies=1, noise=0.0)
     settings = metrics.SoftRobotMetrics((0.0,), (0.0, 30.0, 90.0), gaits=1, robot=robot)
     ways = metrics.on_flat(settings, 0.0, None, None)
     cases = [
@@ -318,7 +318,7 @@ def test_one_run_on_flat_ground_tells_the_speeds_of_all_orientations(monkeypatch
 
 SMALL_STUDIES = {
     friction: friction.FrictionSweeps(TWO),
-    slopes: slopes.SlopeSweep((0.0, 7.5, 15.0), Robot(copies=3)),
+    slopes: slopes.SlopeSweep((0.0, 7.5, 15.0), GaitRuns(copies=3)),
     sensitivity: sensitivity.Sensitivity({"density": (0.5, 2.0), "voxels per bladder": (2 / 3,)}, TWO),
     metrics: metrics.SoftRobotMetrics((0.0, 12e3), (22.5, 90.0), gaits=5),
 }
@@ -397,14 +397,14 @@ def test_settings_that_do_not_fit_their_parts_are_told(tmp_path, study, kept, me
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Robot(copies=0), "copies: 0 is not allowed; give a whole number, at least 1"),
-        (lambda: Robot(noise=1.0), "noise: 1.0 is not allowed; give a number from 0 to 0.01 m"),
+        (lambda: GaitRuns(copies=0), "copies: 0 is not allowed; give a whole number, at least 1"),
+        (lambda: GaitRuns(noise=1.0), "noise: 1.0 is not allowed; give a number from 0 to 0.01 m"),
         (lambda: slopes.SlopeSweep((0.0, 60.0)), "slope: 60.0 is not allowed; .* from -45 to 45 degrees"),
         (lambda: slopes.SlopeSweep((5.0, 5.0)), "slopes: .* are not allowed; give at least two, ascending"),
         (lambda: friction.FrictionSweeps(TWO, {"sum": ()}), "points: sweep 'sum' is unknown; choose of diff"),
         (lambda: friction.FrictionSweeps(TWO, {"mean": ()}), "points: sweep mean has none; give at least one"),
         (lambda: sensitivity.Sensitivity(repeats=0), "repeats: 0 is not allowed"),
-        (lambda: sensitivity.Sensitivity(robot=Robot(SMALL)), "robot: another geometry or actuation is not allowed"),
+        (lambda: sensitivity.Sensitivity(robot=GaitRuns(SMALL)), "robot: another geometry or actuation is not allowed"),
         (lambda: metrics.SoftRobotMetrics(gaits=0), "gaits: 0 is not allowed"),
         (lambda: metrics.SoftRobotMetrics(robot=TWO), "robot: 2 copies with noise of 1e-08 m are not allowed"),
         (lambda: metrics.SoftRobotMetrics(pressures=(16e3,)), "pressure: 16000.0 is not allowed; .* to 15000 Pa"),

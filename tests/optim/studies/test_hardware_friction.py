@@ -14,7 +14,7 @@ from optim import cli
 from optim.experiments.data import Data
 from optim.experiments.tables import write_records
 from optim.studies.chapter5 import hardware_friction
-from optim.studies.chapter5.gaits import Robot
+from optim.studies.chapter5.gaits import GaitRuns
 from optim.studies.chapter5.hardware_friction import HardwareFriction
 from optim.studies.chapter5.hardware_speeds import (
     MEASURED,
@@ -29,7 +29,7 @@ from robots.calibration import load_calibration, read_measurements
 from robots.inflatable.kind import load_gait
 
 DOCS = Path(__file__).parents[3] / "docs"
-FEW = HardwareFriction(Robot(precision="f32", copies=2), inflations=(0.5, 1.0), pressures=(8e3, 12e3), rigs=())
+FEW = HardwareFriction(GaitRuns(precision="f32", copies=2), inflations=(0.5, 1.0), pressures=(8e3, 12e3), rigs=())
 
 
 def copies_of(ratios, **parameters):
@@ -148,7 +148,7 @@ def test_the_committed_speeds_make_the_tables_of_the_docs_and_nothing_is_played(
 def test_nearby_sets_of_the_docs_are_those_of_the_data(simulator, tmp_path):
     shutil.copytree(DOCS / "data/hardware-friction/near", tmp_path / "a")
     near = HardwareFriction(
-        Robot(precision="f32", copies=2), ("physical",), inflations=(0.8, 0.95), pressures=(10e3, 12e3), rigs=()
+        GaitRuns(precision="f32", copies=2), ("physical",), inflations=(0.8, 0.95), pressures=(10e3, 12e3), rigs=()
     )
     sets = hardware_friction.study(tmp_path / "a", near)["sets"]
     docs = (DOCS / "hardware-speeds.md").read_text()

@@ -11,7 +11,7 @@ from optim.studies.catalogue import STUDIES as CATALOGUE
 from optim.studies.chapter5 import study as shape_change
 from optim.studies.chapter5.champions import Played
 from optim.studies.chapter5.experiments import EXPERIMENTS, PAIRED, Found, ShapeChange
-from optim.studies.chapter5.gaits import Case, Robot, shown, spread
+from optim.studies.chapter5.gaits import Case, GaitRuns, shown, spread
 from optim.studies.chapter5.study import best_on_both, curve, summarise, tests, text_of
 from robots.inflatable import INCHING, ROLLING, SMALL
 from robots.world import Terrain
@@ -234,7 +234,7 @@ def test_the_best_climbers_are_those_that_did_not_fail():
 
 def test_copies_of_a_case_lie_side_by_side(simulator):
     cases = [Case(ROLLING, Terrain()), Case(INCHING, Terrain(15))]
-    speeds = Robot(copies=3).speeds(cases)
+    speeds = GaitRuns(copies=3).speeds(cases)
     assert speeds.shape == (2, 3) and (speeds == speeds[:, :1]).all() and speeds[0, 0] != speeds[1, 0]
     (call,) = simulator.calls
     assert (call.perturbation, call.precision) == (1e-8, "f64")

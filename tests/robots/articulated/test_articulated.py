@@ -19,7 +19,7 @@ from robots.articulated.worlds import GROUND, ground_place, relief_under
 from robots.own_measures import OwnMeasure
 from robots.robot import KINDS, Place, Trial, find_robot, load_design, make_robot
 from robots.uncertainty import HELD_OUT, Risk, Uncertainty, judge_uncertain
-from robots.view.motion import Ground
+from robots.view.motion import GroundPlane
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
 from taichi_sim.rigid import RigidEngine
@@ -420,7 +420,7 @@ def test_motions_show_what_is_below():
     for world in (GROUND, UNEVEN, Terrain(5.0), SHORE, Terrain.water()):
         outcome = robot.run(some_points(robot, 1), Trial(world, Compute(**HERE), 1))
         shown[world.name] = robot.motion(outcome, world, "it").ground
-    assert shown["ground"] == Ground() and shown["hill:5"] == Ground(slope=5.0)
+    assert shown["ground"] == GroundPlane() and shown["hill:5"] == GroundPlane(slope=5.0)
     assert shown[UNEVEN.name].relief.heights.max() > 0.01 and shown[UNEVEN.name].relief.water is None
     assert shown[SHORE.name].relief.water.level == 0.02
     assert not shown["water"].solid and shown["water"].level < 0

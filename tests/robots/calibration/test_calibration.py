@@ -12,7 +12,7 @@ from robots.calibration import (
     Gait,
     Laboratory,
     Properties,
-    Trial,
+    Replica,
     save_properties,
     weight_of_calibration,
 )
@@ -47,7 +47,7 @@ def test_a_stiffer_robot_keeps_its_seconds():
 
 @pytest.mark.parametrize("load", [0.01, 0.5, 1.0, 20.0])
 def test_a_dragged_foot_slides_at_its_friction_under_every_load(load):
-    trials = [Trial(dataclasses.replace(TRUE, friction=mu)) for mu in (0.3, 4.0)]
+    trials = [Replica(dataclasses.replace(TRUE, friction=mu)) for mu in (0.3, 4.0)]
     far = Drag(np.linspace(0.1, 1.0, 6), np.ones(6), load)  # where all of it slides
     assert far.predict(trials, BENCH) == pytest.approx(np.array([[0.3], [4.0]]) * load * np.ones(6), rel=1e-12)
     sliding = dataclasses.replace(far, grips=False).predict(trials, BENCH)
@@ -55,7 +55,7 @@ def test_a_dragged_foot_slides_at_its_friction_under_every_load(load):
 
 
 def test_a_stretching_foot_holds_less_than_its_friction():
-    early = Drag(np.array([0.0, 1e-6, 2e-5, 5e-3]), np.ones(4), 0.8).predict([Trial(TRUE)], BENCH)[0]
+    early = Drag(np.array([0.0, 1e-6, 2e-5, 5e-3]), np.ones(4), 0.8).predict([Replica(TRUE)], BENCH)[0]
     assert early[0] == 0 and early[1] == pytest.approx(
         WIDTH * TRUE.modulus * TINY.voxel_size * 1e-6
     )  # one link stretches
@@ -82,7 +82,7 @@ def test_a_foot_that_is_dragged_slowly_does_what_the_engine_makes_of_it(friction
     run = engine.run(builder.build(settling + steps, settling + np.rint(steps * at).astype(int)[None]))
     held = np.isin(body.topology.links, np.flatnonzero(voxels[:, 0] == LENGTH)).sum(axis=1) == 1
     forces = TRUE.modulus * TINY.voxel_size**2 * run.strains[0][:, held].sum(axis=1)
-    found = Drag(top * at, at, load).predict([Trial(dataclasses.replace(TRUE, friction=friction))], BENCH)[0]
+    found = Drag(top * at, at, load).predict([Replica(dataclasses.replace(TRUE, friction=friction))], BENCH)[0]
     assert forces == pytest.approx(found, rel=5e-3)
 
 
@@ -90,7 +90,7 @@ def test_a_foot_that_is_dragged_slowly_does_what_the_engine_makes_of_it(friction
 def test_a_softer_pouch_is_rounder():
     softer = dataclasses.replace(TRUE, modulus=220e3)
     measure = Diameter(np.array([2e3, 500.0]), np.ones(2), "height")
-    firm, soft = measure.predict([Trial(TRUE), Trial(softer)], BENCH)
+    firm, soft = measure.predict([Replica(TRUE), Replica(softer)], BENCH)
     assert firm[0] > firm[1]  # in the order of the points
     assert soft[0] > 1.02 * firm[0]
 
@@ -102,7 +102,7 @@ def test_a_gait_swims_as_simulate_says():
     water = Terrain.water()
     (said,) = simulate(STEP, water, geometry=TINY, actuation=QUICK, threads=1).distance
     gait = Gait(np.array([np.inf]), np.ones(1), STEP, terrain=water)
-    assert gait.predict([Trial(Properties.of(TINY, QUICK))], robot)[0, 0] == pytest.approx(said, rel=1e-2)
+    assert gait.predict([Replica(Properties.of(TINY, QUICK))], robot)[0, 0] == pytest.approx(said, rel=1e-2)
 
 
 @pytest.mark.kernels
@@ -112,12 +112,12 @@ def test_a_gait_goes_as_simulate_says():
     own = Properties.of(TINY, QUICK)
     (said,) = simulate(STEP, Terrain(5.0), geometry=TINY, actuation=QUICK, threads=1).distance
     gait = Gait(np.array([np.inf, 1e9]), np.ones(2), STEP, terrain=Terrain(5.0))
-    assert gait.predict([Trial(own)], robot)[0] == pytest.approx([said, said], rel=1e-3)
-    speed = dataclasses.replace(gait, mean_speed=True).predict([Trial(own)], robot)[0, 0]
+    assert gait.predict([Replica(own)], robot)[0] == pytest.approx([said, said], rel=1e-3)
+    speed = dataclasses.replace(gait, mean_speed=True).predict([Replica(own)], robot)[0, 0]
     result = simulate(STEP, Terrain(5.0), geometry=TINY, actuation=QUICK, threads=1)
     assert speed == pytest.approx(result.speed_simulated[0] * TINY.body_length, rel=1e-3)
     late = dataclasses.replace(gait, at=np.array([50.0]), values=np.ones(1), mean_speed=True)  # it rests after its gait
-    assert late.predict([Trial(own)], robot)[0, 0] == pytest.approx(said / 50.0, rel=1e-3)
+    assert late.predict([Replica(own)], robot)[0, 0] == pytest.approx(said / 50.0, rel=1e-3)
 
 
 @pytest.mark.kernels
@@ -130,7 +130,7 @@ def test_a_gait_goes_as_simulate_says_where_voxels_of_a_robot_touch(weight, own)
     """As in the published simulator, which misses some such contacts: a robot that has all went up to 6 % farther."""
     drive, wood = InflatableActuation(weight=weight), Terrain(low_friction=0.56, high_friction=0.7)
     start = Laboratory(SMALL, drive, perturbation=0.0, precision="f64", threads=1)
-    found = Gait(np.array([np.inf]), np.ones(1), STEP, terrain=wood).predict([Trial(own)], start.as_played(own))
+    found = Gait(np.array([np.inf]), np.ones(1), STEP, terrain=wood).predict([Replica(own)], start.as_played(own))
     geometry, played = own.robot(SMALL, drive)
     alone = simulate(STEP, wood, geometry=geometry, actuation=played, threads=1)
     assert found[0, 0] == pytest.approx(alone.distance[0], rel=1e-6)
@@ -152,6 +152,6 @@ def test_a_gait_of_levels_and_core_pressures_is_played_as_simulate_plays_it():
     quick = InflatableActuation(inflation_rate=0.01, pressure_ramp=50.0, hold_steps=100, settle_steps=50)
     laboratory = Laboratory(TINY, quick, stiffest=TINY.youngs_modulus, perturbation=0.0, precision="f64", threads=1)
     experiment = Gait(np.array([np.inf]), np.zeros(1), design)
-    found = experiment.predict([Trial(Properties.of(TINY, quick))], laboratory)
+    found = experiment.predict([Replica(Properties.of(TINY, quick))], laboratory)
     alone = simulate(design, geometry=TINY, actuation=quick, threads=1)
     assert found[0, 0] == pytest.approx(alone.distance[0], rel=1e-6) and abs(found[0, 0]) > 1e-6

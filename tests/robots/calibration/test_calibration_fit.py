@@ -18,7 +18,7 @@ from robots.calibration import (
     Gait,
     Laboratory,
     Properties,
-    Trial,
+    Replica,
 )
 from robots.inflatable import PUBLISHED
 from robots.world import Terrain
@@ -55,7 +55,7 @@ def test_a_calibrated_robot_goes_as_far_elsewhere_as_in_its_fit():
     geometry, _ = found.after.robot(TINY, QUICK)
     assert geometry.time_step > BENCH.time_step
     there = Laboratory(TINY, QUICK, stiffest=TINY.youngs_modulus, precision="f64", threads=1)
-    again = np.mean(track.predict([Trial(found.after, n) for n in range(8)], there), axis=0)
+    again = np.mean(track.predict([Replica(found.after, n) for n in range(8)], there), axis=0)
     assert there.time_step == geometry.time_step and found.predictions[1] == pytest.approx(again)
 
 
@@ -220,7 +220,7 @@ def test_rounding_of_drags_without_scatter_leaves_no_warning():
     rng, at, feet = np.random.default_rng(1157), np.linspace(7.5e-3 / 8, 7.5e-3, 8), []
     true = Properties(1.3, 0.15, 350e3, 2.0)
     for grips in (True, False):
-        values = Drag(at, np.zeros(8), 0.5, grips).predict([Trial(true)], BENCH)[0]
+        values = Drag(at, np.zeros(8), 0.5, grips).predict([Replica(true)], BENCH)[0]
         deviation = 0.02 * values.max()
         feet.append(Drag(at, values + rng.normal(0, deviation, 8), 0.5, grips, np.full(8, deviation / 3)))
     with warnings.catch_warnings(action="error"):

@@ -8,7 +8,7 @@ import pytest
 from optim.calibration import calibrate, document, fit
 from optim.calibration.look import FEW, Start, _apart
 from optim.calibration.misfit import Linearised, uncertainty
-from robots.calibration import BOUNDS, Gait, Laboratory, Properties, Trial
+from robots.calibration import BOUNDS, Gait, Laboratory, Properties, Replica
 from robots.inflatable import INCHING, SMALL
 from robots.world import Terrain
 
@@ -68,7 +68,7 @@ class Rippled(Gait):
 
 
 def measured(gait, seed):
-    exact = gait.predict([Trial(TRUE, 1000 + seed)], BENCH)[0]
+    exact = gait.predict([Replica(TRUE, 1000 + seed)], BENCH)[0]
     noisy = exact + NOISE * np.random.default_rng(seed).standard_normal(len(exact))
     return dataclasses.replace(gait, values=noisy, deviations=np.full(len(noisy), NOISE))
 
@@ -134,7 +134,7 @@ def rippled(seed):
     for name, slope, count in (("inching", 0, 7), ("rolling", 0, 6), ("inching", 5, 7)):
         times = 0.25 * np.arange(1, count + 1)
         gait = Rippled(times, np.zeros(count), INCHING, name, Terrain(slope=slope))
-        values = gait.predict([Trial(true)], BENCH)[0] + 2e-4 * rng.standard_normal(count)
+        values = gait.predict([Replica(true)], BENCH)[0] + 2e-4 * rng.standard_normal(count)
         gaits.append(dataclasses.replace(gait, values=values, deviations=np.full(count, 2e-4)))
     return calibrate(gaits, BENCH, ("friction", "low_friction", "inflation_rate"), RIPPLED)
 
@@ -165,7 +165,7 @@ class Slippery(Gait):
 def test_what_data_tell_within_the_bounds_though_not_where_a_fit_begins_is_fitted(low):
     """The published robot's friction is 1e-4: where it is clipped to 0.001, distances do not change with it."""
     exact = gait_of(Slippery)
-    values = exact.predict([Trial(dataclasses.replace(TRUE, low_friction=0.3))], BENCH)[0]
+    values = exact.predict([Replica(dataclasses.replace(TRUE, low_friction=0.3))], BENCH)[0]
     noise = 2e-3
     gait = dataclasses.replace(
         exact,

@@ -7,7 +7,7 @@ import pytest
 
 from robots.hardware import OwnLines, PneumaticRig
 from robots.hardware.channel_play import NODES, waves_behind
-from robots.hardware.channel_table import Calibration, Rhythm, Wave, channel_table
+from robots.hardware.channel_table import PressureScale, Rhythm, Wave, channel_table
 
 FREQUENCY = 0.1  # Hz
 
@@ -22,7 +22,7 @@ def rig_with(name="rig", **settings) -> PneumaticRig:
 
 def table(nodes=64, rig=None, frequency=FREQUENCY):
     turns = 2 * np.pi * np.arange(nodes) / nodes
-    calibration = Calibration(0.0, 1.0, 0.0, 20.0)
+    calibration = PressureScale(0.0, 1.0, 0.0, 20.0)
     waves = [
         Wave("left", 0.5 + 0.4 * np.sin(turns), calibration, {}),
         Wave("right", 0.5 + 0.3 * np.cos(turns), calibration, {}),

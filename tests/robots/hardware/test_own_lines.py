@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from optim.report.rig import rig_section
 from robots.hardware import KPA_PER_UNIT, OwnLines, PneumaticRig, gait_table, read_channels, write_csv
-from robots.hardware.channel_table import Calibration, Rhythm, Wave, channel_report, channel_table
+from robots.hardware.channel_table import PressureScale, Rhythm, Wave, channel_report, channel_table
 from robots.hardware.gait_chart import gait_chart
 from robots.hardware.gait_commands import rig_report
 from robots.hardware.lines import MOST_LINES
@@ -41,7 +41,7 @@ def rig(tmp_path):
 def waves(rig, count, values=(0.8, 1.0, 1.2, 1.1)):
     """So many waves, from off to on of their lines."""
     return [
-        Wave(f"channel {n}", np.roll(values, n), Calibration(0.8, 1.2, line.off_kpa, line.on_kpa), ABOUT)
+        Wave(f"channel {n}", np.roll(values, n), PressureScale(0.8, 1.2, line.off_kpa, line.on_kpa), ABOUT)
         for n, line in enumerate(rig.channel_lines[:count])
     ]
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.hardware import CHANNELS, KPA_PER_UNIT, PRESETS, Channel, LineMap, PneumaticRig, gait_table
-from robots.hardware.channel_table import Calibration, Rhythm, Wave, channel_table
+from robots.hardware.channel_table import PressureScale, Rhythm, Wave, channel_table
 from robots.hardware.stream import Sample, stream_of
 from robots.hardware.units import Unit, refused
 from robots.inflatable import ROLLING
@@ -254,7 +254,7 @@ def waiting(delays: dict[int, float], frequency: float = 1.7) -> Floats:
     for line, channel in enumerate(channels):
         channels[line] = replace(channel, slew_kpa_per_s=1e4, valve_delay_s=delays.get(line, 0.0))
     values = np.sin(2 * np.pi * np.arange(16) / 16)
-    waves = [Wave(name, values, Calibration(-1.0, 1.0, 0.0, 20.0), {}) for name in ("legs", "arms")]
+    waves = [Wave(name, values, PressureScale(-1.0, 1.0, 0.0, 20.0), {}) for name in ("legs", "arms")]
     rig = PneumaticRig(channels=tuple(channels))
     return channel_table("robot", waves, Rhythm(frequency, 2, 1.0, 16), rig).pressures
 

@@ -13,7 +13,7 @@ from motions import DESIGN, QUICK, TINY
 from robots.inflatable import simulate
 from robots.inflatable.view.motion import inflatable_motion
 from robots.view.glb import save_glb
-from robots.view.motion import CUBE, Channel, Ground, Node, product
+from robots.view.motion import CUBE, Channel, GroundPlane, Node, product
 from robots.world import Terrain
 from taichi_sim.lattice.faces import rotate
 
@@ -21,7 +21,7 @@ from taichi_sim.lattice.faces import rotate
 def test_uphill_is_up():
     for heading in (0.0, 40.0, 90.0):
         angle = np.deg2rad(heading)
-        uphill = rotate(Ground(0.0, 20.0, heading).upright, np.array([np.cos(angle), np.sin(angle), 0.0]))
+        uphill = rotate(GroundPlane(0.0, 20.0, heading).upright, np.array([np.cos(angle), np.sin(angle), 0.0]))
         assert uphill == pytest.approx(
             [*np.cos(np.deg2rad(20)) * np.array([np.cos(angle), np.sin(angle)]), np.sin(np.deg2rad(20))]
         )

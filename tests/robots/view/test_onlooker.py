@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robots.view.motion import CUBE, Ground, Motion, Node
+from robots.view.motion import CUBE, GroundPlane, Motion, Node
 from robots.view.onlooker import HEIGHT, WIDTH, Onlooker
 
 RED = (0.9, 0.1, 0.1)
@@ -37,7 +37,7 @@ def test_the_camera_stays_while_the_robot_is_in_view():
 @pytest.mark.parametrize("place", [(40.0, 0.0), (-40.0, 0.0), (0.0, 30.0), (0.0, -30.0), (1e3, -2e3)])
 @pytest.mark.parametrize("slope", [0.0, 10.0])
 def test_it_keeps_up_with_a_robot_that_leaves(place, slope):
-    ground = Ground(slope=slope)
+    ground = GroundPlane(slope=slope)
     onlooker = Onlooker(cube(ground=ground))
     down, right = where(onlooker.picture(cube(*place, ground=ground)))
     assert 0.1 * HEIGHT < down < 0.95 * HEIGHT and 0.02 * WIDTH < right < 0.98 * WIDTH
@@ -55,7 +55,7 @@ def test_lights_near_enough_are_in_view_at_the_right():
 
 
 def test_a_robot_in_a_fluid_has_no_ground():
-    dry, wet = (Onlooker(cube(ground=ground)) for ground in (Ground(), Ground(solid=False)))
-    pictures = [dry.picture(cube()), wet.picture(replace(cube(), ground=Ground(solid=False)))]
+    dry, wet = (Onlooker(cube(ground=ground)) for ground in (GroundPlane(), GroundPlane(solid=False)))
+    pictures = [dry.picture(cube()), wet.picture(replace(cube(), ground=GroundPlane(solid=False)))]
     bare = [(picture == 255).all(axis=-1).mean() for picture in pictures]
     assert bare[0] < bare[1]

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from made_motion import made
 
-from robots.ground import Ground as Named
+from robots.ground import Ground
 from robots.view.glb import surface
 from robots.view.mesh import boxes, joined_corners
-from robots.view.motion import Ground
+from robots.view.motion import GroundPlane
 from robots.view.rerun_file import SHADES, felt, save_rerun, skin_parts
 from taichi_sim.lattice.faces import rotate
 
@@ -141,7 +141,7 @@ def check_parts(found, motion):
 
 def test_parts_that_grow_and_a_slope(tmp_path):
     pytest.importorskip("rerun", reason="needs the extra rerun")
-    motion = made(ground=Ground(slope=20.0, heading=30.0))
+    motion = made(ground=GroundPlane(slope=20.0, heading=30.0))
     save_rerun(motion, tmp_path / "a.rrd")
     found = entities(tmp_path / "a.rrd")
     check_parts(found, motion)
@@ -151,9 +151,13 @@ def test_parts_that_grow_and_a_slope(tmp_path):
 
 def test_ground_is_where_the_simulation_has_it(tmp_path):
     pytest.importorskip("rerun", reason="needs the extra rerun")
-    relief = Named("stairs:0.05,0.3,0.1").relief(30.0, 0.05)
+    relief = Ground("stairs:0.05,0.3,0.1").relief(30.0, 0.05)
     places = {}
-    for name, ground in {"a": Ground(-0.025, relief=relief), "b": Ground(-0.025), "c": Ground(solid=False)}.items():
+    for name, ground in {
+        "a": GroundPlane(-0.025, relief=relief),
+        "b": GroundPlane(-0.025),
+        "c": GroundPlane(solid=False),
+    }.items():
         save_rerun(made(ground=ground), tmp_path / f"{name}.rrd")
         found = entities(tmp_path / f"{name}.rrd")
         places[name] = ("/world/scene/ground", "Mesh3D:vertex_positions") in found

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from made_motion import made
 
-from robots.ground import Ground as Named
+from robots.ground import Ground
 from robots.lattice_robot import walker
 from robots.lattice_robot.motion import lattice_robot_motion
 from robots.view.film import strip_picture
 from robots.view.glb import save_glb
 from robots.view.lattice_states import LatticeStates
-from robots.view.motion import Ground, Motion
+from robots.view.motion import GroundPlane, Motion
 from robots.view.paraview import save_paraview
 from robots.view.player import page
 from robots.view.scene import Camera, shadow
@@ -30,12 +30,12 @@ NAMES = ("rough:0.05,0.2", "stairs:0.05,0.3,0.1", "gap:0.3,0.1,0.2", "ramp:20,0.
 
 
 def relief(name: str, heading: float = 0.0) -> Relief:
-    return Named(name).relief(heading, EDGE)
+    return Ground(name).relief(heading, EDGE)
 
 
 def on(name: str, **more) -> Motion:
     """A motion over a ground."""
-    return made(ground=Ground(LEVEL, relief=relief(name), **more))
+    return made(ground=GroundPlane(LEVEL, relief=relief(name), **more))
 
 
 def read_glb(path):
@@ -190,7 +190,7 @@ def test_pictures_and_strips_show_it(tmp_path):
 @pytest.mark.parametrize("name", [*NAMES, "patches:0.5,2,0.2"])
 def test_pages_have_the_ground_that_is_seen(name, heading):
     ground = relief(name, heading)
-    motion = made(ground=Ground(LEVEL, heading=heading, relief=ground))
+    motion = made(ground=GroundPlane(LEVEL, heading=heading, relief=ground))
     (about,) = json.loads(re.search(r'id="about"[^>]*>([^<]+)<', page(motion))[1])
     shown, told = about["ground"], about["ground"]["relief"]
     heights = np.reshape(told["heights"], told["counts"])

@@ -8,7 +8,7 @@ from motions import DESIGN, QUICK, TINY
 
 from robots.inflatable import simulate
 from robots.inflatable.view.motion import inflatable_motion
-from robots.view.motion import Ground
+from robots.view.motion import GroundPlane
 from robots.world import Terrain
 from taichi_sim.lattice.faces import corners, mean_of_face_corners, rotate
 
@@ -46,7 +46,7 @@ def test_the_timeline_of_a_gait_is_its_matrix(inflatable):
     middle = mean_of_face_corners(inflatable.body, *(a[[0, -1], 0] for a in (f.positions, f.orientations, f.extents)))
     gone = np.diff(middle[:, :2], axis=0)[0] @ [np.cos(np.pi / 6), np.sin(np.pi / 6)]
     assert others["distance"].values[-1] == pytest.approx(gone, abs=1e-7)
-    assert motion.ground == Ground(-0.01, 10.0, 30.0)
+    assert motion.ground == GroundPlane(-0.01, 10.0, 30.0)
     lit = {node.channel for node in motion.nodes}
     assert lit == {None, *range(10)} and {node.foot for node in motion.nodes} == {None, 8, 9}
     assert [channel.name for channel in motion.channels if channel.read_out] == ["core pressure", "distance", "speed"]
