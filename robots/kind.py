@@ -220,7 +220,7 @@ KINDS = _Kinds(
         "freeform": "robots.freeform.kind:FreeformKind",
         "lattice": "robots.lattice_robot.kind:LatticeRobotKind",
         "articulated": "robots.articulated.kind:ArticulatedKind",
-        "pouch": "robots.inflatable.feeling_kind:PouchKind",
+        "pouch": "robots.inflatable.pouch_kind:PouchKind",
         "quadruped": "robots.quadruped.kind:QuadrupedKind",
         "rover": "robots.rover.kind:RoverKind",
         "vehicle": "robots.braitenberg.kind:VehicleKind",

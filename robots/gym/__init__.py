@@ -18,7 +18,7 @@ except ModuleNotFoundError:
 # Identifier: (classes for one robot and for many, steps of the published experiment, arguments).
 ENVIRONMENTS: Mapping[str, tuple[str, int, Mapping[str, Any]]] = MappingProxyType(
     {
-        "morpholab/Pancake-v0": ("pancake:Pancake", 16, {}),
+        "morpholab/Pancake-v0": ("inflatable:Pancake", 16, {}),
         "morpholab/Vehicle-v0": ("vehicle:Vehicle", 10_000, {}),
         "morpholab/LeggedQuadruped-v0": ("quadruped:Quadruped", 999, {"kind": "legged"}),
         "morpholab/WheeledQuadruped-v0": ("quadruped:Quadruped", 999, {"kind": "wheeled"}),

@@ -12,7 +12,6 @@ from robots.hardware.table import design_hash
 from robots.inflatable import InflatableDesign, differentiate, load_design, save_design, simulate
 from robots.inflatable.body import FIRST_BLADDER, PUBLISHED, SMALL, InflatableGeometry
 from robots.inflatable.design import ROLLING
-from robots.inflatable.feeling import feeling_pouch
 from robots.inflatable.journeys import Leg, simulate_journey
 from robots.inflatable.layout import (
     EVERY_BLADDER,
@@ -25,6 +24,7 @@ from robots.inflatable.layout import (
     told_layout,
 )
 from robots.inflatable.materials import RegionMaterials
+from robots.inflatable.pouch import feeling_pouch
 from robots.inflatable.program import build_program
 from robots.inflatable.robot import InflatableRobot
 from robots.world import Terrain

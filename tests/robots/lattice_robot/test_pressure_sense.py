@@ -10,7 +10,7 @@ from pouches import lopsided, shell, two_boxes
 
 from robots.inflatable import InflatableGeometry
 from robots.inflatable.body import TWO_CORE
-from robots.inflatable.feeling import GAIN, feeling_pouch
+from robots.inflatable.pouch import GAIN, feeling_pouch
 from robots.lattice_robot import Drive, Free, LatticeRobot, differentiate, load_robot, simulate
 from robots.lattice_robot.episodes import Episodes
 from robots.lattice_robot.record import robot_of_record

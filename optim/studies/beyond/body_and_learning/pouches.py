@@ -10,7 +10,7 @@ from optim.studies.beyond.body_and_learning.study import STUDY as WALKERS
 from optim.studies.beyond.body_and_learning.study import BodyAndLearning, tell_as
 from robots.inflatable import InflatableGeometry
 from robots.inflatable.actuation import ACTUATION
-from robots.inflatable.feeling import GAIN, feeling_pouch
+from robots.inflatable.pouch import GAIN, feeling_pouch
 from robots.lattice_robot import LatticeRobot
 from robots.lattice_robot.reflexes import Reflexes
 

@@ -5,7 +5,7 @@ import pytest
 
 from robots.inflatable import ACTUATION, InflatableGeometry
 from robots.inflatable.body import BLADDER_REGIONS, SMALL, TWO_CORE
-from robots.inflatable.feeling import GAIN, SWING, feeling_pouch
+from robots.inflatable.pouch import GAIN, SWING, feeling_pouch
 from robots.kind import KINDS
 from robots.lattice_robot import Drive, LatticeRobot, save_robot
 from robots.lattice_robot.record import robot_of_record

@@ -32,7 +32,7 @@ class PouchKind(LatticeGroundKind):
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a geometry."""
         from robots.inflatable.body import NAMED_GEOMETRIES
-        from robots.inflatable.feeling import feeling_pouch
+        from robots.inflatable.pouch import feeling_pouch
 
         if source is not None:
             raise ValueError(f"robot: {source} is no pouch; a design of one is a lattice robot")
