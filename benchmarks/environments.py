@@ -63,7 +63,7 @@ def measured(tree: Path, case: str, robots: int, seed: int, compute: dict[str, A
     return float(json.loads(run.stdout.splitlines()[-1]))
 
 
-def told(ratios: list[float]) -> str:
+def with_range(ratios: list[float]) -> str:
     """A ratio with its range."""
     return f"{np.median(ratios):6.2f} ({min(ratios):.2f} to {max(ratios):.2f})"
 
@@ -97,7 +97,7 @@ def main() -> None:
         line = f"{case:14} one {middle['one']:8.3f} ms, among {given.robots} {middle['many']:8.3f} ms:"
         for way in [way for way in ways if way != "many"]:
             ratios = [alone / each for alone, each in zip(times[way], times["many"], strict=True)]
-            line += f" {told(ratios)}" + (f" than before ({middle['before']:.3f} ms)" if way == "before" else "")
+            line += f" {with_range(ratios)}" + (f" than before ({middle['before']:.3f} ms)" if way == "before" else "")
         print(line, flush=True)
 
 

@@ -162,19 +162,19 @@ def share(here: Floats, there: Floats) -> str:
 def correlation(here: Floats, there: Floats) -> str:
     """Rank correlation of two ways."""
 
-    def told(a: Floats, b: Floats) -> Floats:
+    def rank_correlation(a: Floats, b: Floats) -> Floats:
         ranks = [stats.rankdata(each, axis=-1) - (each.shape[-1] + 1) / 2 for each in (a, b)]
         sizes = [(each * each).sum(-1) for each in ranks]
         return np.asarray((ranks[0] * ranks[1]).sum(-1) / np.sqrt(sizes[0] * sizes[1]))
 
-    return interval(here, there, told)
+    return interval(here, there, rank_correlation)
 
 
-def interval(here: Floats, there: Floats, told: Callable[[Floats, Floats], Any]) -> str:
+def interval(here: Floats, there: Floats, statistic: Callable[[Floats, Floats], Any]) -> str:
     """A number of pairs, along the last axis, with the interval of its bootstrap."""
     draws = np.random.default_rng(0).integers(0, len(here), (DRAWS, len(here)))
-    low, high = np.nanquantile(told(here[draws], there[draws]), (0.025, 0.975))
-    return f"{told(here, there):.2f} ({low:.2f} to {high:.2f})"
+    low, high = np.nanquantile(statistic(here[draws], there[draws]), (0.025, 0.975))
+    return f"{statistic(here, there):.2f} ({low:.2f} to {high:.2f})"
 
 
 def main() -> None:

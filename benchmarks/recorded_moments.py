@@ -67,15 +67,15 @@ def recorded(robot: LatticeRobot) -> tuple[dict[str, float], dict[str, float]]:
     run = own.engine.run(replace(own.program, snapshots=fine))
     lost = run.status != "ok"
 
-    def told(moments: Ints) -> dict[str, float]:
+    def measured_at(moments: Ints) -> dict[str, float]:
         taken = np.concatenate([[0, 1], LAST_CYCLE.start + moments]).astype(int)
         parts = (np.ascontiguousarray(each[:, taken]) for each in (run.positions, run.strains, run.sizes))
         found = own.measured(Record(*parts), lost)
         return {name: float(found[name][0]) for name in ("jump", "energy")}
 
-    pieces = [told(piece * LAST + np.arange(LAST + 1)) for piece in range(FINER)]
+    pieces = [measured_at(piece * LAST + np.arange(LAST + 1)) for piece in range(FINER)]
     whole_cycle = {"jump": max(each["jump"] for each in pieces), "energy": sum(each["energy"] for each in pieces)}
-    return told(np.arange(LAST + 1) * FINER), whole_cycle
+    return measured_at(np.arange(LAST + 1) * FINER), whole_cycle
 
 
 def main() -> None:

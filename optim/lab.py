@@ -204,7 +204,7 @@ class Trials:
         }
         head = "".join(f"<th>{html.escape(name + units.get(name, ''))}</th>" for name in shown)
         rows = "".join(
-            f"<tr>{''.join(f'<td>{html.escape(_told(values[n]))}</td>' for values in shown.values())}</tr>"
+            f"<tr>{''.join(f'<td>{html.escape(_cell(values[n]))}</td>' for values in shown.values())}</tr>"
             for n in range(min(len(self), MOST_ROWS))
         )
         more = f"<p>and {len(self) - MOST_ROWS} more</p>" if len(self) > MOST_ROWS else ""
@@ -370,6 +370,6 @@ def _recorded(tried: Robot, points: Floats, place: World, compute: Compute, upda
         return None
 
 
-def _told(value: Any) -> str:
+def _cell(value: Any) -> str:
     """A value in a cell of a table."""
     return f"{value:.5g}" if isinstance(value, float | np.floating) else str(value)

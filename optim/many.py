@@ -192,7 +192,7 @@ class RobotTrials:
         shown, columns = (self.ranking() or range(len(self)))[:MOST_ROWS], self.columns()
         units = {measure.name: f" [{measure.unit}]" if measure.unit else "" for measure in self.measures}
         head = "".join(f"<th>{html.escape(name + units.get(name, ''))}</th>" for name in columns)
-        cells = [[f"<td>{html.escape(_told(values[n]))}</td>" for values in columns.values()] for n in shown]
+        cells = [[f"<td>{html.escape(_cell(values[n]))}</td>" for values in columns.values()] for n in shown]
         rows = "".join(f"<tr>{''.join(row)}</tr>" for row in cells)
         more = f"<p>and {len(self) - len(shown)} more</p>" if len(self) > len(shown) else ""
         return f"<p>{html.escape(repr(self))}</p><table><tr>{head}</tr>{rows}</table>{more}"
@@ -373,6 +373,6 @@ def _digest(tried: Robot, place: World) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _told(value: Any) -> str:
+def _cell(value: Any) -> str:
     """A value in a cell of a table."""
     return f"{value:.5g}" if isinstance(value, float | np.floating) else str(value)

@@ -90,7 +90,7 @@ class OwnMeasure(Measure):
         path = self.file and self.file.path
         return modules_beside(os.path.dirname(path)) if path else nullcontext()
 
-    def told(self, motion: Any, count: int) -> Any:
+    def values(self, motion: Any, count: int) -> Any:
         """Compute the measure of ``count`` = B robots, shape (B,), traced for derivatives if their motion is.
 
         Raises:

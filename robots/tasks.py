@@ -71,7 +71,7 @@ class Success:
         found: Bools = self.allows(np.asarray(outcome.measures[self.measure], float))
         return found & (np.asarray(outcome.status) == "ok")
 
-    def told(self, outcome: Outcome, world: World) -> str:
+    def summary(self, outcome: Outcome, world: World) -> str:
         """The value of a single design's measure in a world, or why it has none, beside the condition."""
         status, value = outcome.status_or_reason[0], float(np.asarray(outcome.measures[self.measure])[0])
         found = shortest(float(f"{value:.4g}")) if outcome.status[0] == "ok" else status
@@ -168,7 +168,7 @@ class Task:
         """Bounds that a robot without free variables does not keep, each with its value and the world."""
         tried = [(world, robot.simulate((), world, compute=compute)) for world in worlds or self.worlds]
         return [
-            one.told(outcome, world) for world, outcome in tried for one in self.success if not one.kept(outcome)[0]
+            one.summary(outcome, world) for world, outcome in tried for one in self.success if not one.kept(outcome)[0]
         ]
 
 

@@ -45,7 +45,7 @@ class JudgedRuns:
         """Run what the table does not tell yet, so many at a time; the rows of all."""
         path = self.folder / self.table
         known: list[Record] = list(read_records(path)) if path.exists() else []
-        missing = [run for run in runs if not self._told(known, run)]
+        missing = [run for run in runs if not self._holds(known, run)]
         parts = [("-".join(map(str, run)), partial(self.run_one, run)) for run in missing]
         run_parallel(parts, jobs, {}, progress and part_of(progress, 0, 10, 9))
         for number, (run, (_, part)) in enumerate(zip(missing, parts, strict=True)):
@@ -60,7 +60,7 @@ class JudgedRuns:
     def run_one(self, run: Run, options: Mapping[str, Any], progress: Progress) -> None:
         """Search and judge, if that is not done."""
         kept = self._kept(run)
-        if kept.exists() and self._told(read_records(kept), run):
+        if kept.exists() and self._holds(read_records(kept), run):
             return
         row = self.judge(run)
         kept.parent.mkdir(parents=True, exist_ok=True)
@@ -70,7 +70,7 @@ class JudgedRuns:
     def _kept(self, run: Run) -> Path:
         return self.folder / "designs" / f"{'-'.join(map(str, run))}.csv"
 
-    def _told(self, rows: Sequence[Record], run: Run) -> bool:
+    def _holds(self, rows: Sequence[Record], run: Run) -> bool:
         subject, search, seed = run
         about = {self.subject: subject, "search": search, "seed": seed}
         return bool(where(rows, **about, seconds=self.seconds))

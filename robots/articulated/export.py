@@ -74,7 +74,7 @@ def command_table(robot: "ArticulatedRobot", point: ArrayLike) -> tuple[list[str
     names, columns = ["time [s]"], [np.arange(len(commands)) * robot.hold * robot.physics.time_step]
     for number, name in enumerate(robot.drives):
         (hinge,) = (each for each in robot.tree.hinges if each.motor is not None and each.command == number)
-        told, unit = _told(hinge, commands[:, number])
+        told, unit = _drive_commands(hinge, commands[:, number])
         names.append(f"{name} [{unit}]")
         columns.append(told)
     return names, np.column_stack(columns)
@@ -90,7 +90,7 @@ def save_commands(robot: "ArticulatedRobot", point: ArrayLike, path: Path) -> No
     write_text(path, text.getvalue())
 
 
-def _told(hinge: Hinge, commands: Floats) -> tuple[Floats, str]:
+def _drive_commands(hinge: Hinge, commands: Floats) -> tuple[Floats, str]:
     """What commands mean to the drive of a hinge, and its unit."""
     motor = hinge.motor
     assert motor is not None

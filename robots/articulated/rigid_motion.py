@@ -70,9 +70,11 @@ class RigidMotion:
         return (places * (self.masses / self.masses.sum())[:, None]).sum(axis=-2)
 
 
-def told(robot: "ArticulatedRobot", own: OwnMeasure, run: RigidResult, tree: Tree | None = None) -> Floats:
+def own_measure_values(
+    robot: "ArticulatedRobot", own: OwnMeasure, run: RigidResult, tree: Tree | None = None
+) -> Floats:
     """A measure of a user's own of what robots came to, shape (B,); NaN of those that diverged."""
-    found = own.told(RigidMotion.of(robot, run.position, run.orientation, run.angles, tree), len(run.status))
+    found = own.values(RigidMotion.of(robot, run.position, run.orientation, run.angles, tree), len(run.status))
     return np.where(run.status == "ok", found, np.nan)
 
 
@@ -82,7 +84,7 @@ def slopes_of(
     """Derivatives of a measure of a user's own by places and orientations of bases and by angles, as a tape takes."""
 
     def measured(position: Any, orientation: Any, angles: Any) -> Any:
-        return own.told(RigidMotion.of(robot, position, orientation, angles, tree), len(run.status))
+        return own.values(RigidMotion.of(robot, position, orientation, angles, tree), len(run.status))
 
     _, pull = trace(measured, *(np.nan_to_num(getattr(run, name)) for name in ENDED))
     return dict(zip(ENDED, pull((run.status == "ok").astype(float)), strict=True))

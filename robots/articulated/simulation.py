@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from robots.articulated.centres import centres as centres
 from robots.articulated.centres import first_centre as first_centre
 from robots.articulated.reflexes import PARTS, ReflexLoop, Rhythms
-from robots.articulated.rigid_motion import ENDED, slopes_of, told
+from robots.articulated.rigid_motion import ENDED, own_measure_values, slopes_of
 from robots.articulated.senses import Sensed
 from robots.articulated.worlds import GROUND as GROUND
 from robots.articulated.worlds import check_gradients, length_of, physics_in, relief_under
@@ -141,7 +141,7 @@ def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> Ar
                     back.weights if robot.controller == "network" else _slopes(robot, some.controls, of_commands, loop)
                 )
                 put = None if loop is None else loop.reader.by_first
-                judge = partial(_told, robot, name, run=tape.result)
+                judge = partial(_measure_values, robot, name, run=tape.result)
                 by_sizes = robot.sizes.slopes(some.sizes, back, judge, put, some.relief)
                 found.append(np.column_stack([given.reshape(len(some.controls), -1), by_sizes]))
         else:
@@ -203,11 +203,11 @@ def _each_tree(trees: Sequence[Tree], run: RigidResult) -> list[tuple[Tree, Rigi
     return [(tree, replace(run, **row)) for tree, row in zip(trees, rows, strict=True)]
 
 
-def _told(robot: "ArticulatedRobot", name: str, trees: Sequence[Tree], run: RigidResult) -> Floats:
+def _measure_values(robot: "ArticulatedRobot", name: str, trees: Sequence[Tree], run: RigidResult) -> Floats:
     """The distance, or a user's own measure, of what robots with some trees came to, (B,)."""
     own = next((each for each in robot.own_measures if each.name == name), None)
     if own is not None:
-        return np.concatenate([told(robot, own, end, tree) for tree, end in _each_tree(trees, run)])
+        return np.concatenate([own_measure_values(robot, own, end, tree) for tree, end in _each_tree(trees, run)])
     ways = [_centre(tree, end) - first_centre(tree) for tree, end in _each_tree(trees, run)]
     return along(np.concatenate(ways), robot.direction)
 
@@ -360,6 +360,8 @@ def _result(
     start = first_centre(trees[0]) if not several else np.concatenate([first_centre(tree) for tree, _ in each])
     distance = along(centre - start, robot.direction)
     status, steps = (np.concatenate([getattr(run, name) for run in runs]) for name in ("status", "steps"))
-    own = {one.name: np.concatenate([_told(robot, one.name, *end) for end in ends]) for one in robot.own_measures}
+    own = {
+        one.name: np.concatenate([_measure_values(robot, one.name, *end) for end in ends]) for one in robot.own_measures
+    }
     kept = tuple(trees if several else trees[:1])
     return ArticulatedResult(distance, centre, status, steps, tuple(runs), own, gradients, kept)

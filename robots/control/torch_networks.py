@@ -48,14 +48,14 @@ def from_torch(module: Any, gain: float = 1.0) -> tuple[LayeredNetwork, tuple[fl
         ValueError: for any other module, and weights that are not finite.
     """
     if not isinstance(module, nn.Sequential) or not len(module) or len(module) % 2:
-        raise ValueError(f"module: {_told(module)} is not allowed; {ALLOWED}")
+        raise ValueError(f"module: {_class_name(module)} is not allowed; {ALLOWED}")
     sizes, rows = list[int](), list[np.ndarray]()
     for place, part in enumerate(module):
         if type(part) is not (nn.Tanh if place % 2 else nn.Linear):
-            raise ValueError(f"module: {_told(part)} at place {place} is not allowed; {ALLOWED}")
+            raise ValueError(f"module: {_class_name(part)} at place {place} is not allowed; {ALLOWED}")
         if isinstance(part, nn.Linear):
             if part.bias is None or (sizes and part.in_features != sizes[-1]):
-                raise ValueError(f"module: {_told(part)} at place {place} is not allowed; {ALLOWED}")
+                raise ValueError(f"module: {_class_name(part)} at place {place} is not allowed; {ALLOWED}")
             sizes += [part.out_features] if sizes else [part.in_features, part.out_features]
             pair = part.weight, part.bias[:, None]
             rows.append(torch.cat(pair, dim=1).detach().to("cpu", torch.float64).numpy().ravel())
@@ -64,5 +64,5 @@ def from_torch(module: Any, gain: float = 1.0) -> tuple[LayeredNetwork, tuple[fl
     return LayeredNetwork(inputs, outputs, tuple(hidden), gain), tuple(weights.tolist())
 
 
-def _told(module: object) -> str:
+def _class_name(module: object) -> str:
     return type(module).__name__

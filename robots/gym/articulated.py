@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 
 from robots.articulated.reflexes import changed_command
-from robots.articulated.rigid_motion import told
+from robots.articulated.rigid_motion import own_measure_values
 from robots.articulated.robot import ArticulatedRobot
 from robots.articulated.senses import SENSES, DriveReader
 from robots.articulated.simulation import centres, engine_in, first_centre, rhythm, sensed_of
@@ -196,7 +196,7 @@ class Driven(Batch):
             found["light_distance"] = self._light_distances()
         if not self.left:
             found["speed"] = self._distance / (robot.steps * robot.physics.time_step)
-            found |= {each.name: told(robot, each, self._found) for each in robot.own_measures}
+            found |= {each.name: own_measure_values(robot, each, self._found) for each in robot.own_measures}
             found |= {name: np.where(self._over, np.nan, found[name]) for name in found if name not in TOLD[:-1]}
         return found
 

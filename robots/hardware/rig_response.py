@@ -93,7 +93,7 @@ def line_pressures(
     """
     found = np.empty((len(at), commands.shape[1]))
     for place, channel in enumerate(rig.channels):
-        course = _told(times, commands[:, place])
+        course = _interpolated(times, commands[:, place])
         for cause in REGULATOR:
             course = cause.acted(course, channel) if cause in response else course
         course = _limited(course, channel)
@@ -103,7 +103,7 @@ def line_pressures(
     return found
 
 
-def _told(times: Floats, commands: Floats) -> Course:
+def _interpolated(times: Floats, commands: Floats) -> Course:
     return lambda at: np.interp(at, times, commands)
 
 

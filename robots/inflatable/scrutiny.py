@@ -76,14 +76,16 @@ class Scrutiny:
         """Readable text, by lines."""
         low, high = self.friction
         shown = {name: slip for name, slip in self.slips.items() if name == "all" or self.loads[name] > 0}
-        slips = ", ".join(f"{name} {_told(slip)}" for name, slip in shown.items())
+        slips = ", ".join(f"{name} {_decimal(slip)}" for name, slip in shown.items())
         changed = ", ".join(
-            f"{name} {_told(float(each.mean()), 4)} ({_told(self.kept[name])})" for name, each in self.changed.items()
+            f"{name} {_decimal(float(each.mean()), 4)} ({_decimal(self.kept[name])})"
+            for name, each in self.changed.items()
         )
         return [
             f"friction {low:g} and {high:g}, bladders of {self.weight} weight",
-            f"slip of parts under load, of the robot's path: {slips}; chatter {_told(self.chatter, 3)}",
-            f"drifts {_told(self.drift)} of the way to the side, turns {_told(self.turning, 1)} degrees to the left",
+            f"slip of parts under load, of the robot's path: {slips}; chatter {_decimal(self.chatter, 3)}",
+            f"drifts {_decimal(self.drift)} of the way to the side, "
+            f"turns {_decimal(self.turning, 1)} degrees to the left",
             f"changed, BL/s and share kept: {changed}",
         ]
 
@@ -153,7 +155,7 @@ def _mean(values: Iterable[float]) -> float:
     return float(np.mean(known)) if known else np.nan
 
 
-def _told(value: float, digits: int = 2) -> str:
+def _decimal(value: float, digits: int = 2) -> str:
     return f"{value:.{digits}f}" if np.isfinite(value) else "unknown"
 
 

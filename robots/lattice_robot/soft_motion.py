@@ -86,6 +86,6 @@ def law_of(own: OwnMeasure) -> Law:
     """The law of a measure of a user's own, as those of the lab's are called."""
 
     def law(record: Record, constants: Constants) -> Any:
-        return own.told(SoftMotion.of(record, constants), len(constants.density))
+        return own.values(SoftMotion.of(record, constants), len(constants.density))
 
     return law

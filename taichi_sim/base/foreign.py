@@ -127,7 +127,7 @@ def blamed(file: str, run_as: str) -> Iterator[None]:
     except Exception as error:
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == run_as]
         if lines and not lacks_memory(error) and not blame(error):
-            error.add_note(f"{BLAMED}{_told(error, file, lines[-1])}")
+            error.add_note(f"{BLAMED}{_place_and_message(error, file, lines[-1])}")
         raise
 
 
@@ -150,14 +150,14 @@ def blame_package(error: BaseException) -> str:
     packages = {entry.module.partition(".")[0] for entry in entries if entry.group.startswith(GROUPS)}
     walked = traceback.walk_tb(error.__traceback__)
     frames = [(frame, line) for frame, line in walked if _package_of(frame) in packages]
-    return _told(error, frames[-1][0].f_code.co_filename, frames[-1][1]) if frames else ""
+    return _place_and_message(error, frames[-1][0].f_code.co_filename, frames[-1][1]) if frames else ""
 
 
 def _package_of(frame: FrameType) -> str:
     return str(frame.f_globals.get("__name__")).partition(".")[0]
 
 
-def _told(error: BaseException, file: str, line: int | None) -> str:
+def _place_and_message(error: BaseException, file: str, line: int | None) -> str:
     """Where an exception was raised, and what it says."""
     said = _said(error)
     return f"{file}, line {line}: {type(error).__name__}{said and ': '}{said}"

@@ -22,7 +22,7 @@ def everything(result: RigidResult) -> dict[str, np.ndarray]:
 
 def run(case: RigidCase, width: int | None = None) -> dict[str, np.ndarray]:
     """All that a run of a case gives."""
-    return everything(case.engine(width).run(case.steps, record_every=case.every, **case.told()))
+    return everything(case.engine(width).run(case.steps, record_every=case.every, **case.run_options()))
 
 
 def run_in_session(case: RigidCase) -> dict[str, np.ndarray]:
@@ -56,7 +56,7 @@ def differences(case: RigidCase) -> tuple[list[str], dict[str, np.ndarray]]:
         mine = {name: each[robot : robot + 1] for name, each in wide.items()}
         found += compare(f"robot {robot} alone", mine, run(case.of([robot])))
     if np.isinf(case.options["world"].friction):
-        taped = everything(case.engine().record(case.steps, **case.told()).result)
+        taped = everything(case.engine().record(case.steps, **case.run_options()).result)
         found += compare("taped", last, taped)
     if "commands" in case.given and not case.maps and (wide["status"] == "ok").all():
         found += compare("in a session", last, run_in_session(case))

@@ -78,7 +78,7 @@ class RigidCase:
         """An engine for the robots."""
         return RigidEngine(self.trees, ground=self.grounds, width=width, threads=1, **self.options)
 
-    def told(self) -> dict[str, Any]:
+    def run_options(self) -> dict[str, Any]:
         """What a run is given, but for recordings."""
         feedback = Decides(self.given["commands"], self.maps) if self.maps else None
         return {**self.given, "hold": self.hold, "start": self.state, "feedback": feedback}

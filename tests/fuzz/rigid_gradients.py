@@ -54,7 +54,7 @@ class Cost:
 
 def gradient_of(case: RigidCase, cost: Cost, width: int | None = None) -> tuple[RigidResult, RigidGradient]:
     """A run of a case, and the gradient of its cost."""
-    tape = case.engine(width).record(case.steps, **case.told())
+    tape = case.engine(width).record(case.steps, **case.run_options())
     return tape.result, tape.pull_back(**cost.slopes(tape.result))
 
 
@@ -196,7 +196,7 @@ def together(cases: Sequence[RigidCase]) -> RigidCase:
 def costs(cases: Sequence[RigidCase], cost: Cost) -> np.ndarray:
     """The costs of cases of one robot each, all run together."""
     case = together(cases)
-    return cost.of(case.engine().run(case.steps, **case.told()))
+    return cost.of(case.engine().run(case.steps, **case.run_options()))
 
 
 # what happened
@@ -216,7 +216,7 @@ def signature(case: RigidCase, steps: int) -> dict[str, np.ndarray]:
     engine = case.engine()
     given = (case.given.get(name) for name in ("weights", "commands"))
     run = engine._start(steps, *given, case.hold, case.given["lights"], case.state)
-    memory = np.concatenate([each.part.state() for each in roll(run, case.told()["feedback"])], -1)
+    memory = np.concatenate([each.part.state() for each in roll(run, case.run_options()["feedback"])], -1)
     plan, tree = run.plan, case.trees[0]
     bodies = np.moveaxis(bodies_of(memory, plan), -1, 0)
     count, width = int(plan[slots.POINTS]), slots.HINGES + int(plan[slots.DEPTH])

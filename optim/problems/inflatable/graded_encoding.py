@@ -106,7 +106,7 @@ class GradedGait(GaitEncoding):
 
     def _by_levels(self, values: Floats, slopes: Floats) -> Floats:
         """Derivatives by the inflation that genes tell, shape (8, T): zero where it is clipped."""
-        inflation = self._told(values)[0]
+        inflation = self._present_tables(values)[0]
         by_levels = slopes_before(np.clip(inflation, 0.0, 1.0), slopes, self.most_full)
         return by_levels * ((inflation > 0) & (inflation < 1))
 
@@ -168,14 +168,14 @@ class GradedGait(GaitEncoding):
         table = np.asarray(values, float).reshape(-1, self.columns)
         return table[:BLADDERS], table[BLADDERS:ROWS], table[ROWS]
 
-    def _told(self, values: Floats) -> tuple[Floats, ...]:
+    def _present_tables(self, values: Floats) -> tuple[Floats, ...]:
         """The tables of :meth:`_tables`, with no inflation of absent bladders."""
         inflation, *others = self._tables(values)
         return np.where(self._absent[:, None], 0.0, inflation), *others
 
     def _graded(self, values: Floats) -> GaitSchedule:
         """Played once, its feet as the genes have them."""
-        inflation, grip, genes = self._told(values)
+        inflation, grip, genes = self._present_tables(values)
         levels = np.concatenate([limited(np.clip(inflation, 0.0, 1.0), self.most_full), grip])
         motion, settle = np.full(self.columns, LEAST_MOTION), np.rint(np.maximum(genes, 0.0)).astype(np.int64)
         most: dict[str, float | None] = {"core_pressure": None, "pace": 1.0}

@@ -251,12 +251,12 @@ def unpacked_answer(content: bytes, part: str, count: int) -> tuple[str, Told]:
         # The suffix distinguishes equal parts of a generation.
         if about["part"].partition("-")[0] != part.partition("-")[0]:
             raise ValueError("it is the answer to another part")
-        return str(about["worker"]), _told(about, found, count)
+        return str(about["worker"]), _answer(about, found, count)
     except files.UNREADABLE as error:
         raise ValueError(files.why_unread(error)) from None
 
 
-def _told(about: dict[str, Any], found: dict[str, Any], count: int) -> Told:
+def _answer(about: dict[str, Any], found: dict[str, Any], count: int) -> Told:
     if about["kind"] == Raised.__name__:
         error = _ERRORS.get(about["error"], RuntimeError)(about["text"])
         for each in about["notes"]:

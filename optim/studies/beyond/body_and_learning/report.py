@@ -82,8 +82,8 @@ def write_report(
         folder / "table.md",
         page(
             "Rank correlations over n bodies of metrics with the mean evaluations that learning needs, with 95 % "
-            f"intervals; of M_L and M_CI with each other {_told(metrics)}, n = {metrics.n}; of M_L and the distance "
-            f"{_told(alike)}, n = {alike.n}.",
+            f"intervals; of M_L and M_CI with each other {_with_interval(metrics)}, n = {metrics.n}; of M_L and the "
+            f"distance {_with_interval(alike)}, n = {alike.n}.",
             markdown(["metric", "n", *learners.values()], "lr" + "r" * len(learners), pairs),
             _left_out(rows, learners),
             f"Evaluations until one succeeded in all worlds, {settings['repetitions']} repetitions in each of "
@@ -106,7 +106,7 @@ def write_report(
 def _line(title: str, over: Sequence[Correlation]) -> list[str]:
     """The cells of a metric: its title, of how many bodies its correlations are, and these."""
     least, most = min(one.n for one in over), max(one.n for one in over)
-    return [title, f"{least}" if least == most else f"{least} to {most}", *map(_told, over)]
+    return [title, f"{least}" if least == most else f"{least} to {most}", *map(_with_interval, over)]
 
 
 def _left_out(rows: Sequence[Record], learners: Mapping[str, str]) -> str:
@@ -146,7 +146,7 @@ def _spread(rows: Sequence[Record], learners: Mapping[str, str]) -> list[str | l
     ]
 
 
-def _told(found: Correlation) -> str:
+def _with_interval(found: Correlation) -> str:
     """A correlation with its interval."""
     if found.r is None or found.low is None or found.high is None:
         return "-"
