@@ -47,8 +47,11 @@ class Abilities:
         raise ValueError(f"source: {KINDS.of(self).title} has no gait table; no rig plays it")
 
     @property
-    def on_rigs(self) -> bool:
-        """Whether rigs play such robots; :meth:`rig_report` says why one does not play this one, nothing of it free."""
+    def plays_on_rigs(self) -> bool:
+        """Whether rigs can play robots like this one: by default, whether its class has a :meth:`rig_report`.
+
+        This one may still have no table: ``has_table`` and ``no_table_reason`` say so.
+        """
         return type(self).rig_report is not Abilities.rig_report
 
     def rig_report(self, rig: Any) -> tuple[Any, float]:

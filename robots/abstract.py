@@ -59,9 +59,9 @@ class Robot(Abilities, ShortText):
     terrain_fields: tuple[str, ...] | None = None  # of a ``Terrain``, that it takes; None refuses others itself
     relaxable = False  # whether :meth:`run` judges what lies between true designs, if a trial's sharpness is finite
     differentiable = False  # whether :meth:`run` gives the gradients that a trial asks for
-    exportable = False  # whether :meth:`table` makes a table for hardware
-    untabled = ""  # why it makes none of this robot, where it does of others of the kind
-    tabled_by = ""  # option of its kind with which what a search finds has a table
+    has_table = False  # whether :meth:`table` gives this robot, nothing of it free, a table of pressures for a rig
+    no_table_reason = ""  # why it gives none, where other robots of its kind have one; otherwise empty
+    table_option = ""  # such as ``"--channels 8"``: option of its kind that has a search find designs with tables
     uncertain_in: tuple[str, ...] = ("slope",)  # which ``robots.uncertainty.QUANTITIES`` can be drawn of it
     actuators: int = 0  # whose levels can be drawn
     pictured = False  # whether searches draw the best design by :meth:`save_picture`
@@ -328,7 +328,7 @@ class FixedRobot(Robot):
     parameters = ()
     differentiable = False  # by parameters, of which there are none
     # What is told of a robot of which nothing is free, the robot itself could only tell of another design.
-    exportable, pictured, can_be_judged = False, False, False
+    has_table, pictured, can_be_judged = False, False, False
     judge, table, rig_report, save_picture = Robot.judge, Robot.table, Robot.rig_report, Robot.save_picture
     # These lead to what is defined here.
     start, points, differentiate = Robot.start, Robot.points, Robot.differentiate

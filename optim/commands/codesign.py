@@ -174,7 +174,7 @@ def _write_best(problem: "Problem", last: "Generation", folder: "RunFolder") -> 
         return [BEST_DESIGN]
     robot = problem.robot_of(problem.space.from_dict(last.best_point))
     written = [BEST_DESIGN]
-    if robot.exportable:
+    if robot.has_table:
         make_product(folder, TABLE_FILE, functools.partial(_write_table, robot, folder.config["method"]["seed"]))
         written.append(TABLE_FILE)
     for name, write in problem.products(problem.space.from_dict(last.best_point)).items():
@@ -241,8 +241,8 @@ def _why_no_table(problem: "Problem", last: "Generation") -> str:
 
     if last.best_point is None or not isinstance(problem, JudgedRobot):
         return ""
-    why = problem.robot_of(problem.space.from_dict(last.best_point)).untabled
-    option = problem.offered.tabled_by
+    why = problem.robot_of(problem.space.from_dict(last.best_point)).no_table_reason
+    option = problem.offered.table_option
     return f"{why}; search with {option}" if why and option else why
 
 

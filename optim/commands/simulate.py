@@ -183,7 +183,7 @@ def _report(
     after = f" after {steps:,} steps" if (steps := document["steps"]) else ""  # kinds need not count them
     status = outcome.reason[0] or f"{outcome.status[0]}{after}"
     text = f"{title}: {status}" + (f"\n{robot.spoken(outcome)}" if ok else "")
-    if args.out is not None and (without := robot.untabled):
+    if args.out is not None and (without := robot.no_table_reason):
         document["no_table"] = without
         text += f"\nno {TABLE_FILE}: {without}"
     report = Report(document, text, 0 if ok else FAILED)
@@ -210,7 +210,7 @@ def _write(args: argparse.Namespace, robot: Robot, world: World, document: dict[
         "result.json": lambda path: write_text(path, json.dumps(document, indent=2) + "\n"),
         **({"frames.npz": lambda path: np.savez_compressed(path, **frames)} if frames else {}),
         # The header tells what was clipped.
-        **({TABLE_FILE: partial(write_csv, robot.table(on_violation="clip"))} if robot.exportable else {}),
+        **({TABLE_FILE: partial(write_csv, robot.table(on_violation="clip"))} if robot.has_table else {}),
         **({"robot.png": draw} if robot.has_motion else {}),
     }
     with undone_if_it_fails() as made:

@@ -42,9 +42,9 @@ class RobotDesigning(Problem):
         return None
 
     @property
-    def on_rigs(self) -> bool:
-        """Whether rigs play its robots, whose own ``rig_report`` tells more of each."""
-        return self.offered is not None and self.offered.on_rigs
+    def plays_on_rigs(self) -> bool:
+        """Whether rigs can play its robots; ``rig_report`` of each says whether they do."""
+        return self.offered is not None and self.offered.plays_on_rigs
 
     @property
     @abstractmethod

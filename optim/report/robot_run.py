@@ -125,7 +125,7 @@ class RobotSubject(Subject):
     @property
     def plays_on_rigs(self) -> bool:
         """Whether a rig can play designs of this run; the robot of any point says so."""
-        return self.problem.on_rigs
+        return self.problem.plays_on_rigs
 
     def unplayable(self, history: History) -> str:
         """Why designs of a run cannot be tried again: a file of its ground is missing, or not the one it began with."""
@@ -160,7 +160,7 @@ class RobotSubject(Subject):
         about = facts("Its body and behaviour", own) if own else free
         content = [measured, about, *self._pictures(robot, replays)]
         document |= {**robot.document(), "values": values}
-        if not self.plays_on_rigs or (rig is None and robot.untabled):  # by the usual one
+        if not self.plays_on_rigs or (rig is None and robot.no_table_reason):  # by the usual one
             return Best(content, document)
         section, document["rig"] = _on_rig(robot, rig)
         return Best(content, document, [section])
@@ -220,7 +220,7 @@ class RobotSubject(Subject):
         robot = None if best is None else problem.robot_of(best)
         if robot is None or robot.has_motion:
             found.append(("Watch it", f"morpholab view {where} --out best.html"))
-        if robot is not None and robot.exportable:
+        if robot is not None and robot.has_table:
             found.append(("Write its pressures for the rig", f"morpholab export {where} --csv gait.csv --units psi"))
         return found
 

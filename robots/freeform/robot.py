@@ -236,7 +236,7 @@ class FreeformRobot(Cyclic, Robot):
         return Aim(0.0, self.length, self.target, own_measures=self.own_measures)
 
     @property
-    def tabled_by(self) -> str:  # type: ignore[override]
+    def table_option(self) -> str:  # type: ignore[override]
         """Option that lets a rig have a line for each wave of the designs; empty if it has."""
         from robots.hardware.rig import PneumaticRig
 

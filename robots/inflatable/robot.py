@@ -106,8 +106,8 @@ class InflatableRobot(Robot):
             self.properties.check_time_step(NAMED_GEOMETRIES[self.geometry])
 
     @property
-    def exportable(self) -> bool:  # type: ignore[override]
-        """Whether its cores share a pressure, as the usual rig has one line for them."""
+    def has_table(self) -> bool:  # type: ignore[override]
+        """Whether a rig plays it: its cores share a pressure, as the usual rig has one line for them."""
         core = self.gait.schedule.core_pressure
         shared = core is None or core.ndim == 1 or not np.ptp(core, axis=0).any()
         return shared and common_pressure(self.gait.pressure) is not None

@@ -25,19 +25,19 @@ class LatticeExports(Robot):
         """The robot with nothing free."""
 
     @property
-    def exportable(self) -> bool:  # type: ignore[override]
+    def has_table(self) -> bool:  # type: ignore[override]
         """Whether a rig has lines for its channels, once nothing is free; reflexes decide on the way."""
-        return not self.untabled
+        return not self.no_table_reason
 
     @property
-    def untabled(self) -> str:  # type: ignore[override]
+    def no_table_reason(self) -> str:  # type: ignore[override]
         """Why no rig plays it; empty if one can."""
         from robots.lattice_robot.on_rig import unplayed
 
-        return unplayed(self.fixed) if self.on_rigs else DECIDES
+        return unplayed(self.fixed) if self.plays_on_rigs else DECIDES
 
     @property
-    def on_rigs(self) -> bool:
+    def plays_on_rigs(self) -> bool:
         """Whether it does not decide on the way, as it does with reflexes."""
         return not self.feels
 
@@ -69,7 +69,7 @@ class LatticeExports(Robot):
     @property
     def _decided(self) -> "LatticeRobot":
         """The robot with nothing free; raises ValueError if it decides on the way."""
-        if not self.on_rigs:
+        if not self.plays_on_rigs:
             raise ValueError(f"robot: {DECIDES}")
         return self.fixed
 

@@ -32,7 +32,7 @@ OWN = {
     "changed": "is a fixed robot again",
     "describe": "the values belong to it",
     "document": "the values belong to it",
-    "exportable": "there is no table",
+    "has_table": "there is no table",
     "can_be_judged": "there is no such check",
     "table": "is of a robot of which nothing is free",
     "rig_report": "is of a robot of which nothing is free",

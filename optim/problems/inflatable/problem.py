@@ -51,7 +51,7 @@ class GaitProblem(GaitPoints):
     A body with N cores has ``pressure_1`` to ``pressure_N`` instead.
     """
 
-    on_rigs = True
+    plays_on_rigs = True
     robot_kind = "inflatable"
 
     def __post_init__(self) -> None:

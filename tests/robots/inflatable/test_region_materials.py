@@ -70,7 +70,7 @@ def test_tables_of_a_rig_keep_materials_and_slow_strokes_down(tmp_path):
     assert seconds[0] > seconds[1]
     for cores, fine in ((np.full((2, 2), 1e3), True), (np.array([[1e3, 2e3], [3e3, 4e3]]), False)):
         several = InflatableRobot(design(None, (1e3, 1e3), core_pressure=cores), "two-core")
-        assert several.exportable == fine
+        assert several.has_table == fine
         if fine:
             assert gait_table(several.gait, rate=None).design.schedule.core_pressure.shape == (2,)
         else:

@@ -108,7 +108,7 @@ def test_a_table_has_the_waves_of_the_channels_on_the_lines_of_bladders(tmp_path
     normals = np.zeros((body.voxel_count, 3), int)
     normals[:, 2] = 1
     pressed = dataclasses.replace(robot(), body=dataclasses.replace(body, pressure_normals=normals), drives=drives)
-    assert pressed.exportable
+    assert pressed.has_table
     table = pressed.table(rig=FAST)
     main = table.pressures[np.array(table.sections) == "main"]
     node = 6 + np.outer(np.cos(2 * np.pi * np.arange(17) / 16), [4, 2])
@@ -216,10 +216,10 @@ def test_robots_that_no_rig_plays_say_why():
     many = LatticeRobot(body, (Drive("all", range(9), amplitude=0.1, phase=tuple(np.arange(9) / 9)),))
     with pytest.raises(ValueError, match=r"^drives: 9 channels are not allowed; the rig dissertation has 8 lines"):
         many.table()
-    assert not grip.exportable and not many.exportable
+    assert not grip.has_table and not many.has_table
     why = "the rig dissertation has 8 lines for them: let regions share a wave, or give a rig of more"
-    assert many.untabled == f"9 channels are not allowed; {why}"
-    assert robot((Drive("legs", (1,), amplitude=0.1),)).untabled == ""
+    assert many.no_table_reason == f"9 channels are not allowed; {why}"
+    assert robot((Drive("legs", (1,), amplitude=0.1),)).no_table_reason == ""
 
 
 # --- files of other simulators

@@ -324,6 +324,6 @@ def test_bad_input(make, message):
 def test_reflexes_have_no_table_for_a_rig():
     """They decide while the robot moves."""
     robot = legs(Reflexes(("tilt",)))
-    assert not robot.exportable and legs().exportable
+    assert not robot.has_table and legs().has_table
     with pytest.raises(ValueError, match=r"^robot: one with reflexes has no table of channels"):
         robot.table()
