@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from robots.abstract import DESIGN_FORMAT as DESIGN_FORMAT
+from robots.abstract import DESIGN_FORMAT
 from robots.abstract import FRAMES as FRAMES
 from robots.abstract import FixedRobot as FixedRobot
 from robots.abstract import Parameter as Parameter

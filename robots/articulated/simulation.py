@@ -13,8 +13,7 @@ from robots.articulated.centres import first_centre as first_centre
 from robots.articulated.reflexes import PARTS, ReflexLoop, Rhythms
 from robots.articulated.rigid_motion import ENDED, own_measure_values, slopes_of
 from robots.articulated.senses import Sensed
-from robots.articulated.worlds import GROUND as GROUND
-from robots.articulated.worlds import check_gradients, length_of, physics_in, relief_under
+from robots.articulated.worlds import GROUND, check_gradients, length_of, physics_in, relief_under
 from robots.robot import Progress, Trial, World
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats, Ints, along

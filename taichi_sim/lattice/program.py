@@ -112,21 +112,6 @@ class LatticeProgram:
         snapshots = np.where(self.snapshots < 0, -1, self.snapshots * substeps)
         return LatticeProgram(self.lengths * substeps, events, snapshots)
 
-    def values_after(self, robot: int, region: int, quantity: int, steps: np.ndarray) -> np.ndarray | None:
-        """Return the values of a channel in the last of so many steps, shape of ``steps``; None if it is never set.
-
-        After no steps it is what the first step begins with. Before its first event it is NaN: the material tells.
-        """
-        events = self.events
-        mine = events[(events["robot"] == robot) & (events["region"] == region) & (events["quantity"] == quantity)]
-        if not len(mine):
-            return None
-        mine = mine[np.argsort(mine["step"], kind="stable")]
-        last = np.maximum(np.asarray(steps) - 1, 0)
-        place = np.searchsorted(mine["step"], last, side="right") - 1
-        event = mine[np.maximum(place, 0)]
-        return np.where(place >= 0, event["value"] + event["rate"] * (last - event["step"]), np.nan)
-
     def split(self, steps: ArrayLike) -> tuple["LatticeProgram", "ProgramRest"]:
         """Split the program into two that do the same one after the other, at a step of each robot.
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from graded import GRIPPING, QUICK, settling
+from program_values import values_after
 
 from robots.inflatable import INCHING, PUBLISHED, InflatableDesign, differentiate, simulate
 from robots.inflatable.body import BLADDER_REGIONS, FOOT_REGIONS, FOOT_SEAM, SEAM, SKIN
@@ -96,7 +97,7 @@ def test_a_robot_that_goes_on_takes_over_the_friction_of_the_next_ground() -> No
     program, steps = build_journey(legs, 1, QUICK, PUBLISHED, None)
     end = np.array([program.lengths[0]])
     for region, before, after in ((BLADDER_REGIONS[0], 2.0 / 3, 0.3), (FOOT_SEAM, 2.0, 0.4), (SEAM, 2.0, 0.4)):
-        values = [program.values_after(0, region, Quantity.STATIC_FRICTION, at)[0] for at in (end - steps[1] - 1, end)]
+        values = [values_after(program, 0, region, Quantity.STATIC_FRICTION, at)[0] for at in (end - steps[1] - 1, end)]
         assert values == [before, after]
 
 

@@ -7,6 +7,7 @@ import pytest
 from graded import tabled
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from program_values import values_after
 
 from robots.inflatable.body import BLADDER_REGIONS, FIRST_BLADDER, FOOT_1, FOOT_SEAM, PUBLISHED, SKIN
 from robots.inflatable.design import InflatableDesign
@@ -81,7 +82,7 @@ def test_columns_do_what_the_page_says(seed, shapes):
     )
 
     def channel(region, quantity):
-        return program.values_after(0, region, quantity, said.begin + steps + 1)
+        return values_after(program, 0, region, quantity, said.begin + steps + 1)
 
     z, lengths = np.array(said.sizes)[steps], np.array(said.lengths)[steps]
     for bladder, region in enumerate(BLADDER_REGIONS):
@@ -96,8 +97,8 @@ def test_columns_do_what_the_page_says(seed, shapes):
         np.testing.assert_allclose(friction, np.array(said.frictions)[steps, foot])
     np.testing.assert_allclose(channel(FOOT_SEAM, Quantity.KINETIC_FRICTION), np.array(said.seams)[steps])
     np.testing.assert_allclose(channel(FIRST_BLADDER, Quantity.GLOBAL_DAMPING), np.array(said.dampings)[steps])
-    assert program.values_after(0, 0, Quantity.PRESSURE, np.array([said.begin - 2000]))[0] <= design.pressure
-    assert program.values_after(0, 0, Quantity.PRESSURE, np.array([said.begin - 1999]))[0] == design.pressure
+    assert values_after(program, 0, 0, Quantity.PRESSURE, np.array([said.begin - 2000]))[0] <= design.pressure
+    assert values_after(program, 0, 0, Quantity.PRESSURE, np.array([said.begin - 1999]))[0] == design.pressure
 
 
 def test_the_numbers_of_the_page_are_the_published_ones():

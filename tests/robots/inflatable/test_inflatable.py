@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from program_values import values_after
 
 from robots.inflatable import (
     ACTUATION,
@@ -91,7 +92,7 @@ def test_program_of_a_column():
     program = build_program([dataclasses.replace(INCHING, pressure=6000.0)], terrain)
     begin = ACTUATION.initial_steps(6000.0)
     done, settle = begin + 7667, begin + 7668
-    value = lambda region, quantity, step: float(program.values_after(0, region, quantity, np.array([step + 1]))[0])  # noqa: E731
+    value = lambda region, quantity, step: float(values_after(program, 0, region, quantity, np.array([step + 1]))[0])  # noqa: E731
     z = [
         value(FIRST_BLADDER, Quantity.SCALE + 2, s)
         for s in (0, begin - 1, begin, begin + 100, done - 1, done, settle + 4000)

@@ -7,6 +7,7 @@ import pytest
 from graded import pulled_back, tabled, unskipped
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from program_values import values_after
 
 from robots.inflatable import ACTUATION, INCHING, ROLLING, InflatableActuation, InflatableDesign
 from robots.inflatable.body import BLADDER_REGIONS, FIRST_BLADDER, FOOT_1, FOOT_2, REGION_COUNT, SKIN
@@ -55,7 +56,7 @@ def channel(program: LatticeProgram, region: int, quantity: int, robot: int = 0)
     steps = np.arange(1, program.lengths[robot] + 1)
     events = program.events[(program.events["region"] == region) & (program.events["quantity"] == quantity)]
     before = 1.0 if quantity < Quantity.SCALE + 3 else 0.0
-    values = program.values_after(robot, region, quantity, steps)
+    values = values_after(program, robot, region, quantity, steps)
     if values is None:
         return np.full(len(steps), before)
     return np.where(steps > events["step"][events["robot"] == robot].min(), values, before)

@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 from graded import QUICK, TINY, TINY_TWO, tabled
+from program_values import values_after
 
 from robots.hardware import PneumaticRig, export_csv, gait_table, read_csv
 from robots.inflatable import InflatableDesign, load_design, save_design
@@ -91,15 +92,15 @@ def test_a_pace_stretches_strokes_exactly():
 def test_programs_say_friction_and_sizes():
     program = build_program([design()], Terrain(), QUICK, None, PUBLISHED)
     events = program.events
-    assert program.values_after(0, 2, Quantity.KINETIC_FRICTION, np.array([1]))[0] == FEET[0][0]
+    assert values_after(program, 0, 2, Quantity.KINETIC_FRICTION, np.array([1]))[0] == FEET[0][0]
     feet = events[(events["region"] == 3) & (events["quantity"] == Quantity.STATIC_FRICTION)]["value"]
     assert set(feet[1:]) == {FEET[0][1]} and feet[0] == QUICK.high_friction
     sliding = dataclasses.replace(gait(), levels=np.concatenate([gait().inflation, np.zeros((2, 2))]))
     slid = build_program([InflatableDesign(0.0, 0.0, sliding, MADE)], Terrain(), QUICK, None, PUBLISHED).events
     assert FEET[1][0] in slid[(slid["region"] == 2) & (slid["quantity"] == Quantity.KINETIC_FRICTION)]["value"]
     for region, across in ((4, PUBLISHED.foot_seam_scale * 1.05), (0, 1.05), (5, 1.05)):
-        assert program.values_after(0, region, Quantity.SCALE, np.array([1]))[0] == pytest.approx(across)
-    assert program.values_after(0, 5, Quantity.SCALE + 2, np.array([1]))[0] == QUICK.deflated
+        assert values_after(program, 0, region, Quantity.SCALE, np.array([1]))[0] == pytest.approx(across)
+    assert values_after(program, 0, 5, Quantity.SCALE + 2, np.array([1]))[0] == QUICK.deflated
 
 
 def test_programs_in_two_parts_do_the_same():
@@ -116,8 +117,8 @@ def test_programs_in_two_parts_do_the_same():
         for region in (0, 2, 5, 12):
             for quantity in (Quantity.SCALE, Quantity.SCALE + 1, Quantity.PRESSURE, Quantity.KINETIC_FRICTION):
                 steps = np.arange(cut + 1, program.lengths[robot], 7)
-                whole = program.values_after(robot, region, quantity, steps)
-                part = rest.program.values_after(robot, region, quantity, steps - cut)
+                whole = values_after(program, robot, region, quantity, steps)
+                part = values_after(rest.program, robot, region, quantity, steps - cut)
                 assert (whole is None) == (part is None) and (whole is None or whole == pytest.approx(part, rel=1e-12))
     seeds = np.random.default_rng(0).normal(size=(2, len(rest.program.events)))
     values, rates = rest.gather(*seeds)

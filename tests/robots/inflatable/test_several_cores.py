@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from graded import QUICK, pulled_back, tabled, unskipped
 from graded import TINY_TWO as TINY
+from program_values import values_after
 
 from optim.problems.inflatable.problem import GaitProblem
 from robots import inflatable
@@ -183,7 +184,7 @@ def test_each_core_stops_at_its_own_pressure_and_the_gait_waits_for_the_highest(
     program = build_program([design], Terrain(), geometry=TWO_CORE)
     begin = inflatable.ACTUATION.initial_steps(6e3)
     steps = np.array([1, 3000, 4001, 4002, 9000, 12_001, begin]) + 1
-    first, second = (program.values_after(0, region, Quantity.PRESSURE, steps) for region in (0, REGION_COUNT))
+    first, second = (values_after(program, 0, region, Quantity.PRESSURE, steps) for region in (0, REGION_COUNT))
     assert first.tolist() == [0.5, 1500.0, 2e3, 2e3, 2e3, 2e3, 2e3]
     assert second.tolist() == [0.5, 1500.0, 2000.5, 2001.0, 4500.0, 6e3, 6e3]
     assert program.snapshots[0, 0] == begin and predicted_steps(design) == program.lengths[0]
@@ -198,7 +199,7 @@ def test_bladders_lengthen_by_the_mean_pressure_over_the_rows_under_them():
     assert felt == [4e3, 5e3]
     program = build_program([InflatableDesign((FULL, 0.0), 0.0, INCHING.schedule)], Terrain(), geometry=TWO_CORE)
     done = inflatable.ACTUATION.initial_steps(FULL) + 7668
-    along = program.values_after(0, FIRST_BLADDER, Quantity.SCALE + 1, np.array([done]))
+    along = values_after(program, 0, FIRST_BLADDER, Quantity.SCALE + 1, np.array([done]))
     assert along == pytest.approx(1 + 2.3001 / (1.7 + 8.3 * 0.5))
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from compiled import noting_compilations
 from lattice_reference import load_case
+from program_values import values_after
 
 from robots.inflatable import INCHING, ROLLING, InflatableGeometry
 from robots.inflatable.actuation import InflatableActuation
@@ -255,7 +256,7 @@ def test_channels_follow_their_events():
     builder.set(Quantity.PRESSURE, 7.0, step=4, regions=[0])
     builder.set(Quantity.PRESSURE, 9.0, step=4, regions=[0])
     program: LatticeProgram = builder.build(10)
-    assert program.values_after(0, 0, Quantity.PRESSURE, np.array([0, 1, 2, 4, 5, 9])).tolist() == [
+    assert values_after(program, 0, 0, Quantity.PRESSURE, np.array([0, 1, 2, 4, 5, 9])).tolist() == [
         1,
         1,
         1.5,
@@ -263,4 +264,4 @@ def test_channels_follow_their_events():
         9,
         9,
     ]
-    assert program.values_after(0, 0, Quantity.SCALE, np.array([3])) is None
+    assert values_after(program, 0, 0, Quantity.SCALE, np.array([3])) is None

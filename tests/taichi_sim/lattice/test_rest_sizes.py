@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from gradient_scene import TIME_STEP, body, program
+from program_values import values_after
 
 from taichi_sim.lattice import LatticeEngine, LatticeProgram, ProgramBuilder, Quantity
 
@@ -18,7 +19,7 @@ def engine(batch: int = 2, **options) -> LatticeEngine:
 
 def channel(base: LatticeProgram, shape, robot: int, quantity: int, otherwise) -> np.ndarray:
     """What a channel was in the steps before the marks, in every region, shape (S, R)."""
-    found = [base.values_after(robot, region, quantity, MARKS[robot]) for region in range(shape.region_count)]
+    found = [values_after(base, robot, region, quantity, MARKS[robot]) for region in range(shape.region_count)]
     told = [np.full(MARKS.shape[1], np.nan) if values is None else values for values in found]
     values = np.stack(told, axis=1)
     return np.where(np.isnan(values), otherwise, values)

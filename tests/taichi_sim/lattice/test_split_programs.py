@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from program_values import values_after
 
 from taichi_sim.lattice import ProgramBuilder, Quantity
 
@@ -23,12 +24,13 @@ def test_the_second_part_begins_with_what_channels_are_by_then():
     first, rest = program().split([6, 10])
     assert first.lengths.tolist() == [6, 10] and rest.program.lengths.tolist() == [6, 10]
     assert first.snapshots.tolist() == [[3, -1], [6, -1]] and rest.program.snapshots.tolist() == [[-1, 6], [-1, 10]]
-    assert first.values_after(0, 0, PRESSURE, np.array([6])) == [3.5]
-    assert rest.program.values_after(0, 0, PRESSURE, np.array([1, 3, 5])).tolist() == [4.0, 5.0, 9.0]
-    assert rest.program.values_after(1, 0, PRESSURE, np.array([1])).tolist() == [9.0]  # what the split's step sets wins
+    assert values_after(first, 0, 0, PRESSURE, np.array([6])) == [3.5]
+    assert values_after(rest.program, 0, 0, PRESSURE, np.array([1, 3, 5])).tolist() == [4.0, 5.0, 9.0]
+    # What the split's step sets wins.
+    assert values_after(rest.program, 1, 0, PRESSURE, np.array([1])).tolist() == [9.0]
     for robot, value in enumerate((3.0, 4.0)):
-        assert rest.program.values_after(robot, 1, SCALE, np.array([1, 6])).tolist() == [value, value]
-    assert rest.program.values_after(0, 1, PRESSURE, np.array([1])) is None
+        assert values_after(rest.program, robot, 1, SCALE, np.array([1, 6])).tolist() == [value, value]
+    assert values_after(rest.program, 0, 1, PRESSURE, np.array([1])) is None
 
 
 def test_derivatives_come_back_to_the_events_that_were_carried_on():

@@ -4,6 +4,7 @@ import copy
 
 import numpy as np
 import pytest
+from program_values import values_after
 
 from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Quantity
 from taichi_sim.lattice.feedback import Feedback
@@ -30,8 +31,8 @@ def test_a_refined_program_says_the_same():
     one, fine = program(), program().refined(5)
     assert one.refined(1) is one
     steps = np.arange(STEPS + 1)
-    mine = one.values_after(0, 1, Quantity.SCALE, steps)
-    ends = fine.values_after(0, 1, Quantity.SCALE, 5 * steps - 4)  # a whole step's value holds when it begins
+    mine = values_after(one, 0, 1, Quantity.SCALE, steps)
+    ends = values_after(fine, 0, 1, Quantity.SCALE, 5 * steps - 4)  # a whole step's value holds when it begins
     np.testing.assert_allclose(ends[1:], mine[1:], rtol=1e-15)
     late = ProgramBuilder(2).build([3, 4], [[-1, 3], [2, 4]]).refined(5)
     assert late.snapshots.tolist() == [[-1, 15], [10, 20]] and late.lengths.tolist() == [15, 20]
