@@ -11,7 +11,7 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 
-from robots.articulated.senses import SENSES, DriveReader, Sensed
+from robots.articulated.senses import SENSES, Anatomy, DriveReader
 from robots.control.networks import LayeredNetwork
 from robots.control.reflex_loop import AnsweringLoop
 from robots.control.reflexes import Answering, senses_among
@@ -79,17 +79,17 @@ class Rhythms:
     span: float
 
 
-def network_of(reflexes: DriveReflexes, sensed: Sensed) -> LayeredNetwork:
+def network_of(reflexes: DriveReflexes, anatomy: Anatomy) -> LayeredNetwork:
     """The network of some reflexes that answers for a robot's drives.
 
     Raises:
         ValueError: for senses without sensors, and weights that are not as many.
     """
     for name in reflexes.senses:
-        if not SENSES[name].width(sensed):
+        if not SENSES[name].width(anatomy):
             where = {"light": "a light"}.get(name, "some in the model")
             raise ValueError(f"senses: {name} is not allowed without sensors of it; give {where}")
-    network = reflexes.network_of(width_of(SENSES, reflexes.senses, sensed), sensed.drives)
+    network = reflexes.network_of(width_of(SENSES, reflexes.senses, anatomy), anatomy.drives)
     reflexes.check_weights(network.weight_count)
     return network
 
@@ -111,13 +111,13 @@ class ReflexLoop(AnsweringLoop):
     reader: DriveReader
 
     def __init__(
-        self, reflexes: DriveReflexes, sensed: Sensed, weights: Floats, rhythms: Rhythms, start: Floats, seed: int = 0
+        self, reflexes: DriveReflexes, anatomy: Anatomy, weights: Floats, rhythms: Rhythms, start: Floats, seed: int = 0
     ) -> None:
         """Set up; ``start`` is the place of the bases at the start, (B, 3) or (1, 3) [m], ``seed`` that of noise."""
-        self.sensed, self.rhythms, self.seed = sensed, rhythms, seed
+        self.anatomy, self.rhythms, self.seed = anatomy, rhythms, seed
         first = np.broadcast_to(start, (len(weights), 3))
-        reader = DriveReader(reflexes.senses, sensed, rhythms.span, rhythms.points, first)
-        super().__init__(reflexes, weights, network_of(reflexes, sensed), reader)
+        reader = DriveReader(reflexes.senses, anatomy, rhythms.span, rhythms.points, first)
+        super().__init__(reflexes, weights, network_of(reflexes, anatomy), reader)
 
     def _forget(self) -> None:
         super()._forget()
@@ -136,7 +136,7 @@ class ReflexLoop(AnsweringLoop):
         else:
             span = points[:, :1] * self.rhythms.span
             state = self.oscillators.step(weights, felt, span, *state)
-            drives = points[:, 1:].reshape(len(points), self.sensed.drives, len(PARTS))
+            drives = points[:, 1:].reshape(len(points), self.anatomy.drives, len(PARTS))
             angle = 2 * np.pi * (span * number + drives[:, :, 1])
             larger = (1.0 + state[1]) * np.sin(angle + 2 * np.pi * state[0])
             added = drives[:, :, 0] * (larger - np.sin(angle))

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from robots.articulated.records import USUAL_RATE, record_of
 from robots.articulated.reflexes import PARTS, DriveReflexes, network_of
 from robots.articulated.senses import checked_place
-from robots.articulated.simulation import ArticulatedResult, felt_over_time, sensed_of, try_points, unsettled
+from robots.articulated.simulation import ArticulatedResult, anatomy_of, felt_over_time, try_points, unsettled
 from robots.articulated.sizes import Size, Sizes, checked_sizes
 from robots.articulated.worlds import GROUND, check_gradients, ground_place
 from robots.outcome import recorded
@@ -157,7 +157,7 @@ class ArticulatedRobot(Robot):
         """Refuse reflexes without a rhythm, and what they cannot feel or keep up with."""
         if self.controller != "rhythm":
             raise ValueError("reflexes: not allowed beside a network; give them with a rhythm")
-        network_of(reflexes, sensed_of(self))
+        network_of(reflexes, anatomy_of(self))
         slowest, rate = STEADY * self.quickest, 1 / (self.hold * self.physics.time_step)
         if reflexes.kind == "oscillators" and slowest > rate * (1 + 1e-9):
             raise ValueError(f"command_rate: {rate:g} Hz is not allowed; give {slowest:g} or more")
@@ -251,7 +251,7 @@ class ArticulatedRobot(Robot):
                 kind: Literal["angle", "continuous"] = "angle" if part == "phase" else "continuous"
                 found.append(Parameter(f"{drive}_{part}", low, high, kind, 0.1 * (high - low)))
         if self.reflexes is not None and not self.weights_fixed:
-            most, count = self.reflexes.limit, network_of(self.reflexes, sensed_of(self)).weight_count
+            most, count = self.reflexes.limit, network_of(self.reflexes, anatomy_of(self)).weight_count
             found += [Parameter(f"reflex_{n + 1}", -most, most, step=0.1 * most, start=0.0) for n in range(count)]
         return *found, *self.sizes.parameters
 

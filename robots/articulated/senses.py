@@ -13,7 +13,7 @@ from taichi_sim.rigid.feedback import Felt
 
 
 @dataclass(frozen=True)
-class Sensed:
+class Anatomy:
     """What the senses of a robot may read: its touch sensors, hinges, light sensor and drives.
 
     Attributes:
@@ -36,7 +36,7 @@ class Reading:
     """What senses of B robots read; its arrays may be traced.
 
     Attributes:
-        sensed: of the robot.
+        anatomy: of the robot.
         spans: time since the reading before, and between that and the one before it [s].
         number: of the reading, from 0.
         time: since the first reading [s].
@@ -49,7 +49,7 @@ class Reading:
         earlier: position at the reading before that.
     """
 
-    sensed: Sensed
+    anatomy: Anatomy
     spans: tuple[float, float]
     number: int
     time: float
@@ -63,7 +63,7 @@ class Reading:
 
 
 def _touch(reading: Reading) -> Any:
-    return reading.readings[:, : reading.sensed.touch]
+    return reading.readings[:, : reading.anatomy.touch]
 
 
 def _angles(reading: Reading) -> Any:
@@ -76,18 +76,18 @@ def _tilt(reading: Reading) -> Any:
 
 
 def _velocity(reading: Reading) -> Any:
-    return (reading.position - reading.before)[:, :2] / (reading.sensed.length * reading.spans[0])
+    return (reading.position - reading.before)[:, :2] / (reading.anatomy.length * reading.spans[0])
 
 
 def _acceleration(reading: Reading) -> Any:
     """Difference of the mean velocities of both ways, over the time from the middle of one to that of the other."""
     last, until = reading.spans
     gained = way_gained(reading.number, reading.position, reading.before, reading.earlier, until / last)
-    return gained / (reading.sensed.length * until * (0.5 * (last + until)))
+    return gained / (reading.anatomy.length * until * (0.5 * (last + until)))
 
 
 def _light(reading: Reading) -> Any:
-    touch = reading.sensed.touch
+    touch = reading.anatomy.touch
     return reading.readings[:, touch : touch + 1]
 
 
@@ -96,26 +96,26 @@ def _clock(reading: Reading) -> Any:
     return np.stack([np.sin(angle), np.cos(angle)], axis=1)
 
 
-def _two(sensed: Sensed) -> int:
+def _two(anatomy: Anatomy) -> int:
     return 2
 
 
 SENSES = {
     "touch": Sense(
-        "whether each body with a touch sensor is on the ground, 1 or 0", lambda sensed: sensed.touch, _touch
+        "whether each body with a touch sensor is on the ground, 1 or 0", lambda anatomy: anatomy.touch, _touch
     ),
-    "angles": Sense("of all hinges, from where they rest [rad]", lambda sensed: sensed.hinges, _angles),
+    "angles": Sense("of all hinges, from where they rest [rad]", lambda anatomy: anatomy.hinges, _angles),
     "tilt": Sense("how far the base leans along x and along y", _two, _tilt),
     "velocity": Sense("of the base along x and y, since the last reading [lengths a second]", _two, _velocity),
     "light": Sense(
         "1 / d^2 of the distance to the light [1/m^2]; not the law of lattice robots",
-        lambda sensed: int(sensed.light),
+        lambda anatomy: int(anatomy.light),
         _light,
     ),
     "clock": Sense("sine and cosine of the time in the rhythm's cycle", _two, _clock),
     "acceleration": Sense(
         "of the base along x, y and z, over the last two readings, 0 at the first two [lengths a second^2]",
-        lambda sensed: 3,
+        lambda anatomy: 3,
         _acceleration,
     ),
 }
@@ -130,23 +130,23 @@ class DriveReader(SenseReader):
 
     table, place = SENSES, "position"
 
-    def __init__(self, names: Sequence[str], sensed: Sensed, span: float, points: Floats, first: Floats) -> None:
+    def __init__(self, names: Sequence[str], anatomy: Anatomy, span: float, points: Floats, first: Floats) -> None:
         """Set up.
 
         Args:
             names: of senses.
-            sensed: of the robot.
+            anatomy: of the robot.
             span: time between readings [s].
             points: of the rhythms, (B, 1 + 3 M).
             first: where the bases' centres are at the start, (B, 3) [m].
         """
-        self.sensed, self.span, self.points, self.sooner = sensed, span, points, 0.0
+        self.anatomy, self.span, self.points, self.sooner = anatomy, span, points, 0.0
         super().__init__(names, first)
 
     def reading(self, number: int, arrays: dict[str, Any]) -> Reading:
         """What senses read at a reading."""
         spans, time = (self.span - self.sooner, self.span), number * self.span - self.sooner
-        return Reading(self.sensed, spans, number, time, **arrays)
+        return Reading(self.anatomy, spans, number, time, **arrays)
 
     def read(self, number: int, felt: Felt) -> Floats:
         """What is felt at reading 0, 1, ..., (B, width)."""

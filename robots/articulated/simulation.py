@@ -12,7 +12,7 @@ from robots.articulated.centres import centres as centres
 from robots.articulated.centres import first_centre as first_centre
 from robots.articulated.reflexes import PARTS, ReflexLoop, Rhythms
 from robots.articulated.rigid_motion import ENDED, own_measure_values, slopes_of
-from robots.articulated.senses import Sensed
+from robots.articulated.senses import Anatomy
 from robots.articulated.worlds import GROUND, check_gradients, length_of, physics_in, relief_under
 from robots.robot import Progress, Trial, World
 from robots.world import Terrain
@@ -255,10 +255,10 @@ def engine_in(
     return engine, None if relief is None or afloat else engine.standing()
 
 
-def sensed_of(robot: "ArticulatedRobot") -> Sensed:
+def anatomy_of(robot: "ArticulatedRobot") -> Anatomy:
     """What the senses of a robot may read."""
     touch, hinges = len(robot.senses.touch), len(robot.model.tree.hinges)
-    return Sensed(touch, hinges, robot.light is not None, len(robot.drives), length_of(robot))
+    return Anatomy(touch, hinges, robot.light is not None, len(robot.drives), length_of(robot))
 
 
 def _loop(robot: "ArticulatedRobot", points: Floats, start: State) -> ReflexLoop | None:
@@ -270,7 +270,7 @@ def _loop(robot: "ArticulatedRobot", points: Floats, start: State) -> ReflexLoop
     if robot.reflexes.weights is not None:
         weights = np.tile(robot.reflexes.weights, (len(points), 1))
     rhythms = Rhythms(points[:, :split], rhythm(robot, points), span)
-    return ReflexLoop(robot.reflexes, sensed_of(robot), weights, rhythms, start.position, robot.seed)
+    return ReflexLoop(robot.reflexes, anatomy_of(robot), weights, rhythms, start.position, robot.seed)
 
 
 def _slopes(robot: "ArticulatedRobot", points: Floats, of_commands: Floats, loop: ReflexLoop | None) -> Floats:

@@ -12,7 +12,7 @@ from robots.articulated.reflexes import changed_command
 from robots.articulated.rigid_motion import own_measure_values
 from robots.articulated.robot import ArticulatedRobot
 from robots.articulated.senses import SENSES, DriveReader
-from robots.articulated.simulation import centres, engine_in, first_centre, rhythm, sensed_of
+from robots.articulated.simulation import anatomy_of, centres, engine_in, first_centre, rhythm
 from robots.articulated.worlds import on_ground
 from robots.control.reflexes import senses_among
 from robots.control.senses import width_of
@@ -94,13 +94,13 @@ class Driven(Batch):
         self._strength = number("strength", strength, 0.0, 2.0)
         self._most_lean = None if most_lean is None else number("most_lean", most_lean, 0.0, 180.0, "degrees")
         self._senses = self._usual_senses() if senses is None else senses_among(SENSES)("senses", senses)
-        self._sensed, self._engine = sensed_of(self._robot), engine_in(self._robot, self._world, compute)
+        self._anatomy, self._engine = anatomy_of(self._robot), engine_in(self._robot, self._world, compute)
         for name in self._senses:
-            if not SENSES[name].width(self._sensed):
+            if not SENSES[name].width(self._anatomy):
                 raise ValueError(f"senses: {name} is not allowed without sensors of it in {self._robot.name}")
-        width = width_of(SENSES, self._senses, self._sensed)
+        width = width_of(SENSES, self._senses, self._anatomy)
         observed = gymnasium.spaces.Box(-FARTHEST, FARTHEST, (width,), np.float64)
-        acted = gymnasium.spaces.Box(-1.0, 1.0, (self._sensed.drives,), np.float64)
+        acted = gymnasium.spaces.Box(-1.0, 1.0, (self._anatomy.drives,), np.float64)
         super().__init__(count, observed, acted, self._robot.hold * self._robot.physics.time_step)
         self._commands_in_all = -(-self._robot.steps // self._robot.hold)
         self._first_centre = first_centre(self._robot.tree)
@@ -137,13 +137,13 @@ class Driven(Batch):
         robot, (engine, start) = self._robot, self._engine
         lights = None if robot.light is None else np.array([robot.light])
         self._session = engine.session(batch=self.count, lights=lights, start=start)
-        self._done, self._commands = 0, np.zeros((self.count, self._sensed.drives))
+        self._done, self._commands = 0, np.zeros((self.count, self._anatomy.drives))
         self._distance: Floats = np.zeros(self.count)
         self._over = np.zeros(self.count, bool)  # who has fallen or diverged: nothing more is told of it
         self._rhythm = rhythm(robot, self._points) if self._differs else None
         found = self._session.advance(steps=0)
         first = np.array(found.position, float)
-        self._reader = DriveReader(self._senses, self._sensed, self.seconds, self._points, first)
+        self._reader = DriveReader(self._senses, self._anatomy, self.seconds, self._points, first)
         self._reader.keeps = False
         return self._feel(found)
 
@@ -179,7 +179,7 @@ class Driven(Batch):
             self._value: Floats = np.where(self._over, kept, gained)  # who has fallen gains no more
         else:
             reached = self._distance if self.gain == "progress" else -self._light_distances()
-            self._value = np.where(found.status == "ok", reached, np.nan) / self._sensed.length
+            self._value = np.where(found.status == "ok", reached, np.nan) / self._anatomy.length
         return np.nan_to_num(self._reader.read(self._done, Felt(*now)))
 
     def _light_distances(self) -> Floats:

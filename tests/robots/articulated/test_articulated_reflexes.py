@@ -12,7 +12,7 @@ from robots.articulated import ArticulatedRobot, DriveReflexes, differentiate, s
 from robots.articulated.kind import REFLEXES
 from robots.articulated.loading import robot_of_record
 from robots.articulated.reflexes import ReflexLoop, Rhythms, network_of
-from robots.articulated.senses import SENSES, DriveReader, Sensed
+from robots.articulated.senses import SENSES, Anatomy, DriveReader
 from robots.robot import find_robot, load_design, make_robot
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
@@ -96,7 +96,7 @@ def test_reflexes_matter_and_robots_of_a_batch_have_their_own():
 
 def felt(name: str, number: int = 0, noise: float = 0.0, seed: int = 0, **given) -> np.ndarray:
     """What a robot at its start feels by a sense, in the second command after it moved by ``moved``."""
-    sensed = Sensed(touch=2, hinges=2, light=True, drives=1, length=0.5)
+    anatomy = Anatomy(touch=2, hinges=2, light=True, drives=1, length=0.5)
     now = {
         "position": np.zeros((1, 3)),
         "orientation": np.array([[1.0, 0, 0, 0]]),
@@ -105,8 +105,8 @@ def felt(name: str, number: int = 0, noise: float = 0.0, seed: int = 0, **given)
     }
     rhythms = Rhythms(np.array([[2.0, 0, 0, 0]]), np.zeros((1, 3, 1)), 0.02)
     reflexes = DriveReflexes((name,), noise=noise)
-    width = network_of(reflexes, sensed).weight_count
-    loop = ReflexLoop(reflexes, sensed, np.zeros((1, width)), rhythms, np.zeros((1, 3)), seed)
+    width = network_of(reflexes, anatomy).weight_count
+    loop = ReflexLoop(reflexes, anatomy, np.zeros((1, width)), rhythms, np.zeros((1, 3)), seed)
     for each in range(number + 1):
         loop.decide(each, Felt(**{**now, **given}) if each == number else Felt(**now))
     return loop.readings[-1][0]
@@ -145,10 +145,10 @@ def test_the_seed_of_a_robot_is_that_of_its_noise():
 
 def test_acceleration_is_that_of_a_fall():
     """The second difference of the place in lengths a second^2; 0 at first, and at a constant speed."""
-    sensed, span = Sensed(touch=0, hinges=0, light=False, drives=1, length=0.5), 0.02
+    anatomy, span = Anatomy(touch=0, hinges=0, light=False, drives=1, length=0.5), 0.02
     falls = 0.3 + np.array([0.2, -0.1, 5.0]), np.array([0.7, 0.4, 1.0]), np.array([0.0, 0.0, -9.81])
     for gravity in (falls[2], np.zeros(3)):
-        reader = DriveReader(("acceleration",), sensed, span, np.zeros((1, 4)), np.array([[9.0, 9.0, 9.0]]))
+        reader = DriveReader(("acceleration",), anatomy, span, np.zeros((1, 4)), np.array([[9.0, 9.0, 9.0]]))
         for number in range(5):
             time = number * span
             place = falls[0] + falls[1] * time + gravity * time * time / 2
@@ -159,8 +159,8 @@ def test_acceleration_is_that_of_a_fall():
 @pytest.mark.parametrize("sooner", [0.0, 0.005, 0.011, 0.018])
 def test_acceleration_is_that_of_a_fall_where_the_last_reading_is_sooner(sooner):
     """As where a trial ends within a command; its derivatives are those of differences."""
-    sensed, span, rest = Sensed(touch=0, hinges=0, light=False, drives=1, length=0.5), 0.02, np.zeros((1, 4))
-    reader = DriveReader(("acceleration",), sensed, span, rest, np.array([[9.0, 9.0, 9.0]]))
+    anatomy, span, rest = Anatomy(touch=0, hinges=0, light=False, drives=1, length=0.5), 0.02, np.zeros((1, 4))
+    reader = DriveReader(("acceleration",), anatomy, span, rest, np.array([[9.0, 9.0, 9.0]]))
     times = np.array([0, span, 2 * span, 3 * span - sooner])
     places = np.array([0.7, 0.4, 1.0]) * times[:, None] + np.array([0.1, 0.0, -9.81]) * times[:, None] ** 2 / 2
 

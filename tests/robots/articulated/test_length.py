@@ -3,7 +3,7 @@
 import pytest
 
 from robots.articulated import load_robot
-from robots.articulated.simulation import sensed_of
+from robots.articulated.simulation import anatomy_of
 
 ROD = """<mujoco><worldbody><geom type="plane" size="1 1 1"/><body name="b" pos="0 0 0.3"><freejoint/>
 <geom type="sphere" size="{radius}" mass="1"/><geom type="capsule" fromto="-0.5 0 0 0.5 0 0" size="0.01" mass="0.1"/>
@@ -16,4 +16,4 @@ ROD = """<mujoco><worldbody><geom type="plane" size="1 1 1"/><body name="b" pos=
 @pytest.mark.parametrize("radius", [0.02, 0.1, 0.29])
 def test_it_is_the_longest_side_whatever_lies_in_the_middle(tmp_path, radius):
     (tmp_path / "rod.xml").write_text(ROD.format(radius=radius))
-    assert sensed_of(load_robot(tmp_path / "rod.xml", duration=1.0)).length == pytest.approx(1.02)
+    assert anatomy_of(load_robot(tmp_path / "rod.xml", duration=1.0)).length == pytest.approx(1.02)
