@@ -62,7 +62,7 @@ class PartlyFixed(Robot):
         ['w2']
     """
 
-    exportable, pictured, can_be_judged = False, False, False
+    has_table, pictured, can_be_judged = False, False, False
     judge, table, rig_report, save_picture = Robot.judge, Robot.table, Robot.rig_report, Robot.save_picture
     start, points, differentiate = Robot.start, Robot.points, Robot.differentiate
     simulate, simulate_in = Robot.simulate, Robot.simulate_in
