@@ -102,7 +102,8 @@ class OwnMeasure(Measure):
             with np.errstate(all="ignore"), self._modules_beside():  # errors of robots that diverged
                 found = self.law(motion)
         except Exception as error:  # whatever a user's law may raise
-            raise ValueError(f"own_measures: {self.name} fails: {type(error).__name__}: {error}") from error
+            has = f"; it has {', '.join(_members(motion))}" if getattr(error, "obj", None) is motion else ""
+            raise ValueError(f"own_measures: {self.name} fails: {type(error).__name__}: {error}{has}") from error
         plain = np.asarray(value_of(found))
         if plain.shape != (count,) or plain.dtype.kind not in "fiu":
             raise ValueError(
@@ -110,6 +111,11 @@ class OwnMeasure(Measure):
                 f"shape ({count},)"
             )
         return found if isinstance(found, Traced) else plain.astype(float)
+
+
+def _members(motion: Any) -> list[str]:
+    """Names of what a law may ask of a motion."""
+    return [name for name in dir(motion) if not name.startswith("_")]
 
 
 def sealed(array: Any) -> Any:

@@ -79,7 +79,12 @@ COMMAND = Command(
             metavar="SETTINGS",
         ),
         path_to("voxels", "FILE", "new, for other simulators: a .vxa, or a .vxl.json of the body alone"),
-        path_to("model", "FILE", "new: the MJCF or URDF file of a robot of such a file, with bodies of their sizes"),
+        path_to(
+            "model",
+            "FILE",
+            "new: the MJCF or URDF file of a robot of such a file, with bodies of their sizes; .mjcf of a URDF robot "
+            "has its drives and ground, too",
+        ),
         path_to("commands", "FILE", "new: a CSV table of the angles or rates that drives of such a robot are told"),
         count("member", 1, "the Nth design that the search keeps, as in front.json (default: the best design)"),
     ),

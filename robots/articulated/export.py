@@ -13,18 +13,22 @@ from robots.articulated.simulation import rhythm
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 from taichi_sim.base.plain_xml import parse_xml
-from taichi_sim.rigid import Hinge, Servo
+from taichi_sim.rigid import Motor, Tree
 from taichi_sim.rigid.model.files import Reading, read_model
+from taichi_sim.rigid.model.mjcf_writing import drive_commands, mjcf_text
 from taichi_sim.rigid.model.resizing import height_of, resized_text, starts_of
 
 if TYPE_CHECKING:
     from robots.articulated.robot import ArticulatedRobot
 
-SUFFIXES = {"mujoco": (".xml", ".mjcf"), "robot": (".urdf", ".xml")}
+SUFFIXES = {"mujoco": (".xml", ".mjcf"), "robot": (".urdf", ".xml", ".mjcf")}
+REWRITTEN = ".mjcf"  # of URDF robots: a file with all that URDF does not tell
 
 
 def save_model(robot: "ArticulatedRobot", point: ArrayLike, path: Path) -> list[str]:
     """Write the file of a robot with bodies of the sizes of a design; return what it does not tell of it.
+
+    A URDF robot's is URDF, or MJCF that says all, by the path's suffix.
 
     Raises:
         ValueError: for another kind of file than the robot's, or bodies that such a file cannot hold.
@@ -34,12 +38,27 @@ def save_model(robot: "ArticulatedRobot", point: ArrayLike, path: Path) -> list[
         raise ValueError(f"model: {path} is not allowed; give a file that ends in {' or '.join(SUFFIXES[root])}")
     _, (sizes,) = robot.split(robot.points(point))
     tree = robot.sizes.tree_of(sizes)
+    if root == "robot" and path.suffix.lower() == REWRITTEN:
+        write_text(path, mjcf_text(tree, robot.physics, robot.drives, robot.name))
+        return list(_approximated(tree))
     write_text(path, resized_text(robot.text, robot.sizes.factors(sizes), **robot.reading))
     untold = list(_not_in_the_file(robot))
     if root == "robot":
         base = tree.ordered[0][0].name
         untold.append(f"the origin of {base} starts {height_of(tree):.4g} m above the ground, which URDF does not tell")
+        untold.append("MuJoCo finds no free base, ground or drives in URDF; a file that ends in .mjcf has them")
     return untold
+
+
+def _approximated(tree: Tree) -> Iterator[str]:
+    """What MJCF cannot say of a tree as it is here."""
+    holding = [hinge.motor for hinge in tree.hinges if isinstance(hinge.motor, Motor)]
+    if holding:
+        yield "drives hold rates here; those of the file are servos, which bend under a load"
+    if any(motor.fastest for motor in holding if motor.by_angle):
+        yield "drives by angle have a largest rate here, which those of the file have not"
+    if any(body.immersed for body in tree.bodies):
+        yield "solids on which water alone acts are left out"
 
 
 def _not_in_the_file(robot: "ArticulatedRobot") -> Iterator[str]:
@@ -74,7 +93,7 @@ def command_table(robot: "ArticulatedRobot", point: ArrayLike) -> tuple[list[str
     names, columns = ["time [s]"], [np.arange(len(commands)) * robot.hold * robot.physics.time_step]
     for number, name in enumerate(robot.drives):
         (hinge,) = (each for each in robot.tree.hinges if each.motor is not None and each.command == number)
-        told, unit = _drive_commands(hinge, commands[:, number])
+        told, unit = drive_commands(hinge, commands[:, number])
         names.append(f"{name} [{unit}]")
         columns.append(told)
     return names, np.column_stack(columns)
@@ -88,15 +107,3 @@ def save_commands(robot: "ArticulatedRobot", point: ArrayLike, path: Path) -> No
     writer.writerow(names)
     writer.writerows([f"{value:.10g}" for value in row] for row in rows.tolist())
     write_text(path, text.getvalue())
-
-
-def _drive_commands(hinge: Hinge, commands: Floats) -> tuple[Floats, str]:
-    """What commands mean to the drive of a hinge, and its unit."""
-    motor = hinge.motor
-    assert motor is not None
-    told = motor.by_command * commands + motor.offset
-    if motor.by_angle != 0:
-        return told / -motor.by_angle + hinge.rest, "rad"
-    if isinstance(motor, Servo):
-        return (told / motor.by_rate, "rad/s") if motor.by_rate > 0 else (told, "N m")
-    return told if motor.fastest is None else np.clip(told, -motor.fastest, motor.fastest), "rad/s"

@@ -38,12 +38,26 @@ def test_the_robot_of_the_file_moves_as_the_design_did(tmp_path):
 def test_a_urdf_file_does_not_tell_where_its_base_starts(tmp_path):
     robot = ArticulatedRobot(CART, body_sizes={"*": Free(0.5, 2.0)})
     point = a_point(robot)
-    (told,) = robot.save_model(point, tmp_path / "cart.urdf")
+    told, missing = robot.save_model(point, tmp_path / "cart.urdf")
+    assert missing == "MuJoCo finds no free base, ground or drives in URDF; a file that ends in .mjcf has them"
     base = ArticulatedRobot((tmp_path / "cart.urdf").read_text()).tree.ordered[0][0]
     height = base.position[2] + base.frame[2]
     assert told == f"the origin of {base.name} starts {height:.4g} m above the ground, which URDF does not tell"
-    with pytest.raises(ValueError, match=r"^model: .*cart.mjcf is not allowed; give a file that ends in .urdf or .xml"):
-        robot.save_model(point, tmp_path / "cart.mjcf")
+    with pytest.raises(ValueError, match=r"^model: .*cart.sdf is not allowed; give a file that ends in .urdf or"):
+        robot.save_model(point, tmp_path / "cart.sdf")
+
+
+def test_a_urdf_robot_leaves_as_mjcf_too(tmp_path):
+    robot = ArticulatedRobot(CART, body_sizes={"*": Free(0.5, 2.0)})
+    point = a_point(robot)
+    told = robot.save_model(point, tmp_path / "cart.mjcf")
+    assert told == ["drives hold rates here; those of the file are servos, which bend under a load"]
+    again = ArticulatedRobot((tmp_path / "cart.mjcf").read_text())
+    tree = robot.sizes.tree_of(robot.split(robot.points(point))[1][0])
+    assert again.drives == robot.drives and again.tree.masses.tolist() == pytest.approx(tree.masses.tolist())
+    mujoco = pytest.importorskip("mujoco")
+    theirs = mujoco.MjModel.from_xml_path(str(tmp_path / "cart.mjcf"))
+    assert (theirs.nu, theirs.nq) == (len(robot.drives), 7 + len(tree.hinges))
 
 
 def test_how_a_robot_starts_and_what_was_given_beside_its_file_is_told(tmp_path):
@@ -56,7 +70,7 @@ def test_how_a_robot_starts_and_what_was_given_beside_its_file_is_told(tmp_path)
     ]
     cart = ArticulatedRobot(CART, fixed=True)
     told = cart.save_model(a_point(cart), tmp_path / "cart.urdf")
-    assert told[0] == "the base is fixed to the world, which the file does not tell" and len(told) == 2
+    assert told[0] == "the base is fixed to the world, which the file does not tell" and len(told) == 3
     hinged = ArticulatedRobot(ranged.replace('axis="0.2 1 0" range="-60 60"', 'axis="0.2 1 0" range="20 60"'))
     (told,) = hinged.save_model(a_point(hinged), tmp_path / "hinged.xml")
     assert told == "hinges start at hip=0.698132 rad, which the file does not tell"
