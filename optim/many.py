@@ -4,6 +4,7 @@ import hashlib
 import html
 import json
 import tempfile
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
@@ -60,10 +61,25 @@ class ManyRobots(Problem):
         return Space((Variable("robot", 0, max(len(self.robots) - 1, 1), "integer"),))
 
     @cached_property
+    def _own(self) -> list[tuple[Measure, ...]]:
+        """Measures of each robot."""
+        return [each.measures_in([place]) for each, place in zip(self.robots, self.worlds, strict=True)]
+
+    @cached_property
     def measures(self) -> tuple[Measure, ...]:
-        """Measures that any of the robots has, those of the first one first."""
-        pairs = zip(self.robots, self.worlds, strict=True)
-        return tuple({m.name: m for each, place in pairs for m in each.measures_in([place])}.values())
+        """Measures that any of the robots has, those of the first one first.
+
+        What some robots measure in other units than others is one measure for each unit, such as ``speed [m/s]``.
+        """
+        found = {(m.name, m.unit): m for own in self._own for m in own}
+        units = Counter(name for name, _ in found)
+        named = (m if units[m.name] == 1 else replace(m, name=f"{m.name} [{m.unit}]") for m in found.values())
+        return tuple(named)
+
+    def _names(self, number: int) -> dict[str, str]:
+        """What the measures of a robot are called among those of all, by their own names."""
+        known = {measure.name for measure in self.measures}
+        return {m.name: m.name if m.name in known else f"{m.name} [{m.unit}]" for m in self._own[number]}
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Simulate the robots of these numbers, shape (N, 1); the objective of each is its own first measure.
@@ -80,8 +96,8 @@ class ManyRobots(Problem):
             status.append(str(outcome.status_or_reason[0]))
             objectives.append(float(outcome.measures[tried.measures[0].name][0]))
             steps[row] = outcome.steps[0]
-            for name, values in outcome.measures.items():
-                details[name][row] = values[0]
+            for name, called in self._names(number).items():
+                details[called][row] = outcome.measures[name][0]
         return Evaluation(np.array(objectives), status, {STEPS: steps, **details})
 
 
@@ -359,7 +375,7 @@ def _evaluating(many: ManyRobots, workers: int | None, folder: Path | None) -> I
 def _settings(many: ManyRobots) -> dict[str, Any]:
     """Everything on which results depend: a digest of each robot, and how it is simulated."""
     described = [
-        {"source": source, "world": place.name, "digest": _digest(each, place)}
+        {"name": Path(source).name, "world": place.name, "digest": _digest(each, place)}
         for source, each, place in zip(many.sources, many.robots, many.worlds, strict=True)
     ]
     return {"precision": many.compute.precision, "device": many.compute.device, "robots": described}

@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
-from tossers import GRAVITY, Roller, Tosser
+from tossers import GRAVITY, InFeet, Roller, Tosser
 from voxel_files import vxa
 
 import morpholab as ml
@@ -119,3 +119,11 @@ def test_an_interrupted_table_goes_on_with_the_same_bits(tmp_path):
     other = ManyRobots(many.sources[:-1], many.robots[:-1], many.worlds[:-1], Compute())
     with pytest.raises(ValueError, match="holds robots of other settings"):
         try_all(other, None, tmp_path / "a", lambda _: None)
+
+
+def test_what_is_measured_in_other_units_is_another_measure():
+    found = ml.simulate_all([Tosser(1.0), InFeet(1.0)])
+    assert list(found.values) == ["height [m]", "flight", "height [ft]"]
+    np.testing.assert_allclose(found["flight"], 2 / GRAVITY)
+    np.testing.assert_allclose(found["height [ft]"], [np.nan, 1 / 2 / GRAVITY / 0.3048])
+    assert found.ranking() == [0] and repr(found) == f"2 robots; best tosser: height [m] {1 / 2 / GRAVITY:.4f} m"

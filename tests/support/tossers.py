@@ -44,3 +44,14 @@ class Roller(Tosser):
 
     def run(self, points, trial):
         return Outcome({"distance": np.full(len(points), 7.0)})
+
+
+@dataclass(frozen=True)
+class InFeet(Tosser):
+    """It tosses as the others, and measures the height in feet."""
+
+    measures = (Measure("height", "ft"), Measure("flight", "s"))
+
+    def run(self, points, trial):
+        found = super().run(points, trial)
+        return Outcome({**found.measures, "height": found.measures["height"] / 0.3048}, found.status)
