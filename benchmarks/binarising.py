@@ -15,7 +15,7 @@ import numpy as np
 
 from optim.experiments.tables import Record, column, read_records, where, write_records
 from optim.measures.statistics import mean_interval
-from optim.problem import Request, judge
+from optim.problem import Request, evaluate_request
 from optim.problems.robot import RobotProblem
 from optim.search.race import GradientRace
 from optim.studies.beyond.freeform_problems import BONE, QUICK
@@ -34,7 +34,7 @@ def climb(problem: RobotProblem, sharpest: float, seed: int) -> Record:
     mixture = rounded = np.nan
     while search.round == 0:
         points, sharpness, wants = search.ask(), search.sharpness, search.wants
-        found = judge(problem, Request(points, wants, np.inf if wants == "points" else sharpness))
+        found = evaluate_request(problem, Request(points, wants, np.inf if wants == "points" else sharpness))
         best = float(np.max(found.objectives))
         if wants == "gradients" and sharpness < np.inf:
             mixture = best

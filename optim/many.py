@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from optim.interrupts import CTRL_C, EndedBySignals
 from optim.named import robot, world
-from optim.problem import OK, Evaluate, Evaluation, Problem, Request, judge
+from optim.problem import OK, Evaluate, Evaluation, Problem, Request, evaluate_request
 from optim.progress import Update, shown_progress
 from optim.space import Space
 from robots.robot import KINDS, Measure, Robot, World, kind_of_file
@@ -274,7 +274,7 @@ def try_all(many: ManyRobots, workers: int | None, folder: Path | None, update: 
             update(1 - (len(missing) - first) / len(many.robots))
             numbers = missing[first : first + size]
             request = Request(numbers[:, None].astype(float))
-            found = judge(many, request) if evaluate is None else evaluate(request)
+            found = evaluate_request(many, request) if evaluate is None else evaluate(request)
             arrays = {"numbers": numbers, "status": np.asarray(found.status), **found.details}
             done.take(arrays)
             if kept is not None:

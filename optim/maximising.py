@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from optim.interrupts import CTRL_C, EndedBySignals
-from optim.problem import Objective, Problem, judge, objectives_of, score_of
+from optim.problem import Objective, Problem, evaluate_request, objectives_of, score_of
 from optim.problems.function import Bounds, Function, problem_of
 from optim.runs.generation import Generation, record
 from optim.search import MethodName, build_method, check_objectives
@@ -111,7 +111,7 @@ def maximise(
     with EndedBySignals(CTRL_C), _shown(progress, generations, score_of(objectives)) as show:
         while len(records) <= generations:
             request = next_request(search)
-            evaluation = judge(designed, request)
+            evaluation = evaluate_request(designed, request)
             search.tell(request.points, evaluation)
             result = search.result()
             last = record(records[-1] if records else None, designed, result, request, evaluation)

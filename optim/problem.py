@@ -1,4 +1,4 @@
-"""What is to be designed: a space of points and a judgement of each, and what a search may ask of it."""
+"""What is to be designed: a space of points and an evaluation of each, and what a search may ask of it."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +26,7 @@ GAIT, WALKER, VEHICLE, ROBOT, FILE = (
 )  # kinds of problems, as descriptions name them
 DESIGN = "design"  # in the description of a file's problem, if that designs a robot: its own description, as JSON
 ORDERS = 1_000_003  # stream of random numbers that no generation of a search has: of the orders of minibatches
-Wants = Literal["points", "relaxed", "gradients"]  # what a search method wants judged
+Wants = Literal["points", "relaxed", "gradients"]  # what a search method wants evaluated
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,16 +156,16 @@ class Problem(Protocol):
 
 @runtime_checkable
 class RelaxableProblem(Problem, Protocol):
-    """A problem that can also be judged between the values of its binary variables, and differentiated there."""
+    """A problem that can also be evaluated between the values of its binary variables, and differentiated there."""
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
-        """Judge points of ``space.relaxed()``, shape (N, D).
+        """Evaluate points of ``space.relaxed()``, shape (N, D).
 
         Args:
             points: binary variables may have any value from 0 to 1. A point whose binary variables are all 0 or 1
-                is judged as by :meth:`evaluate`, unless the problem says otherwise.
-            sharpness: how strongly the problem pushes those values towards 0 and 1 before it judges them; 0
-                leaves them as they are; infinite, points are rounded and judged as by :meth:`evaluate`.
+                is evaluated as by :meth:`evaluate`, unless the problem says otherwise.
+            sharpness: how strongly the problem pushes those values towards 0 and 1 before it evaluates them; 0
+                leaves them as they are; infinite, points are rounded and evaluated as by :meth:`evaluate`.
             gradients: whether to compute ``Evaluation.gradients``, with respect to ``points``; integers stay whole
                 and have gradient zero.
         """
@@ -173,7 +173,7 @@ class RelaxableProblem(Problem, Protocol):
 
 @dataclass(frozen=True)
 class Minibatch:
-    """A few of the worlds, or draws, in which a problem judges points: the next ones of an order shuffled by a seed.
+    """A few of the worlds, or draws, in which a problem evaluates points: the next ones of an order shuffled by a seed.
 
     Attributes:
         size: how many.
@@ -196,12 +196,12 @@ class Minibatch:
 
 
 class MinibatchProblem(Problem, Protocol):
-    """A problem that judges points in several worlds, or draws, and can do so in a few of them."""
+    """A problem that evaluates points in several worlds, or draws, and can do so in a few of them."""
 
     def check_minibatch(self, size: int) -> None:
         """Raise a one-line ValueError if minibatches of this size are not allowed, before any work."""
 
-    def in_minibatch(self, minibatch: Minibatch) -> "Judging":
+    def in_minibatch(self, minibatch: Minibatch) -> "Evaluator":
         """The problem in these worlds or draws only; a mean over worlds or draws is, on average, the objective."""
 
 
@@ -213,7 +213,7 @@ class Request:
         points: to evaluate.
         wants: as in ``Method``.
         sharpness: of a relaxation.
-        minibatch: where they are judged; None is everywhere.
+        minibatch: where they are evaluated; None is everywhere.
     """
 
     points: Floats
@@ -229,18 +229,18 @@ class Request:
 Evaluate = Callable[[Request], Evaluation]
 
 
-class Judging(Protocol):
-    """The part of a ``Problem`` that judges points; it may have ``evaluate_relaxed``, too."""
+class Evaluator(Protocol):
+    """The part of a ``Problem`` that evaluates points; it may have ``evaluate_relaxed``, too."""
 
     @property
     def space(self) -> Space:
         """The variables that may change."""
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
-        """Judge points, shape (N, D)."""
+        """Evaluate points, shape (N, D)."""
 
 
-def relaxation_of(problem: Judging, wanted: str = "gradients") -> Callable[..., Evaluation]:
+def relaxation_of(problem: Evaluator, wanted: str = "gradients") -> Callable[..., Evaluation]:
     """The function by which a problem evaluates relaxed points.
 
     Raises:
@@ -254,7 +254,7 @@ def relaxation_of(problem: Judging, wanted: str = "gradients") -> Callable[..., 
     return found
 
 
-def judge(problem: Judging, request: Request) -> Evaluation:
+def evaluate_request(problem: Evaluator, request: Request) -> Evaluation:
     """Evaluate a request in this process; the problem gets points of its own, which it may change.
 
     Raises:
@@ -270,7 +270,10 @@ def judge(problem: Judging, request: Request) -> Evaluation:
     return _checked(problem, found, len(request.points))
 
 
-def _checked(problem: Judging, found: object, count: int) -> Evaluation:
+judge = evaluate_request  # its name up to 2.0
+
+
+def _checked(problem: Evaluator, found: object, count: int) -> Evaluation:
     """Return what a problem, which may be a user's own, gave for so many points.
 
     Raises:
@@ -288,11 +291,11 @@ def _checked(problem: Judging, found: object, count: int) -> Evaluation:
 
 
 def has_minibatches(problem: object) -> bool:
-    """Whether a problem can judge points in minibatches."""
+    """Whether a problem can evaluate points in minibatches."""
     return hasattr(problem, "in_minibatch") and hasattr(problem, "check_minibatch")
 
 
-def minibatches_of(problem: Judging) -> MinibatchProblem:
+def minibatches_of(problem: Evaluator) -> MinibatchProblem:
     """The problem, which has minibatches.
 
     Raises:

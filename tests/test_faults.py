@@ -20,7 +20,7 @@ from shortened_commands import shorten
 from small_pipeline import write_task
 
 from optim.cli import build_parser
-from optim.problem import Request, judge
+from optim.problem import Request, evaluate_request
 from optim.problems import problem_of_run
 from optim.runs.config import read_config
 from optim.runs.workers import folder_files, shared_folder
@@ -161,7 +161,7 @@ def simplify(monkeypatch, case, fault):
         part, claim = folder_files.claim_any(Path("shared"), "worker")
         _, request = folder_files.unpacked_request(claim.read_bytes())
         problem = problem_of_run(Path("results"), read_config(Path("results")))
-        content = folder_files.packed_answer(part, "worker", judge(problem, request))
+        content = folder_files.packed_answer(part, "worker", evaluate_request(problem, request))
         files.write_bytes(folder_files.part_path(Path("shared"), folder_files.DONE, part), content)
         claim.unlink()
         fault.fails_at, fault.count = fails_at, count

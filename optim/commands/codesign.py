@@ -19,7 +19,7 @@ from optim.commands.task_file import TASK, take_task
 from optim.doubts import constants_in, doubts_before
 from optim.interrupts import stopped_by
 from optim.notes import note
-from optim.problem import Objective, judge, objectives_of
+from optim.problem import Objective, evaluate_request, objectives_of
 from optim.problems.designer import options_of
 from optim.progress import shown_progress
 from optim.wording import spoken_duration
@@ -141,10 +141,10 @@ def _search(planned: Plan, method: Any, folder: "RunFolder", args: argparse.Name
 
         problem = with_options(planned.problem, progress=part_done)
         with opened_workers(problem, folder, args) as evaluate:
-            judged = evaluate or functools.partial(judge, problem)
+            evaluated = evaluate or functools.partial(evaluate_request, problem)
             if folder.lines == 0 and not args.quiet:
-                judged = _noting_constants(judged, objectives_of(problem))
-            return run_search(problem, method, folder, planned.generations, show, judged, args.evaluations)
+                evaluated = _noting_constants(evaluated, objectives_of(problem))
+            return run_search(problem, method, folder, planned.generations, show, evaluated, args.evaluations)
 
 
 def _noting_constants(evaluate: "Evaluate", objectives: Sequence[Objective]) -> "Evaluate":
@@ -194,7 +194,7 @@ def _write_table(robot: "Robot", seed: int, path: Path) -> None:
 
 
 def _report(last: "Generation", folder: Path, written: list[str], planned: Plan) -> Report:
-    from optim.problems.robot import JudgedRobot
+    from optim.problems.robot import RobotDesignProblem
     from optim.problems.uncertain import ROBUST_FILE
     from optim.runs.robust import lines_of, read_robust
     from robots.hardware.rig_table import clipped_in
@@ -209,7 +209,7 @@ def _report(last: "Generation", folder: Path, written: list[str], planned: Plan)
     spent = counted(last.evaluations, "evaluation")
     told = [f"best {planned.score.name}: {best} after {spent}", *lines, f"{folder}: {', '.join(written)}"]
     problem = planned.problem
-    if broken := problem.limits_broken(numbers) if isinstance(problem, JudgedRobot) else []:
+    if broken := problem.limits_broken(numbers) if isinstance(problem, RobotDesignProblem) else []:
         document["limits_broken"] = broken
         told[1:1] = [f"breaks {each}" for each in broken]
     if TABLE_FILE in written and (clipped := clipped_in(folder / TABLE_FILE)):
@@ -237,9 +237,9 @@ def _how_to_judge(problem: "Problem", last: "Generation", folder: Path) -> list[
 
 def _why_no_table(problem: "Problem", last: "Generation") -> str:
     """Why the best design has no table, where others of its kind have one, and what helps; empty otherwise."""
-    from optim.problems.robot import JudgedRobot
+    from optim.problems.robot import RobotDesignProblem
 
-    if last.best_point is None or not isinstance(problem, JudgedRobot):
+    if last.best_point is None or not isinstance(problem, RobotDesignProblem):
         return ""
     why = problem.robot_of(problem.space.from_dict(last.best_point)).no_table_reason
     option = problem.offered.table_option

@@ -38,7 +38,7 @@ COMMAND = Command(
 def run(args: argparse.Namespace) -> Report:
     """Work until the search ends."""
     from optim.runs.workers.folder_files import BEATS, make_folders
-    from optim.runs.workers.folder_worker import IDLE, FolderWorker, Judge, ProcessJudge
+    from optim.runs.workers.folder_worker import IDLE, FolderWorker, ProcessEvaluator, RequestEvaluator
     from taichi_sim.base.compute import available_threads
     from taichi_sim.base.files import check_parent
 
@@ -50,10 +50,10 @@ def run(args: argparse.Namespace) -> Report:
     make_folders(args.folder)
     threads = args.threads or available_threads()
 
-    def build(offer: "Offer") -> Judge:
+    def build(offer: "Offer") -> RequestEvaluator:
         _check_machine(offer, args.quiet)
         problem = with_options(_problem_of(offer, args.problem, args.folder), threads=threads)
-        return ProcessJudge(problem, threads, offer.silence / BEATS)
+        return ProcessEvaluator(problem, threads, offer.silence / BEATS)
 
     worker = FolderWorker(args.folder, build, IDLE if args.idle is None else args.idle)
     why = worker.serve()

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from optim.experiments.side_by_side import run_side_by_side
-from optim.problem import Evaluation, Problem, Request, judge
+from optim.problem import Evaluation, Problem, Request, evaluate_request
 from optim.runs import Generation, open_run
 from optim.runs.config import has_run
 from optim.runs.environment import environment
@@ -123,7 +123,9 @@ class Contest:
                 method = build_method(entry.method, designed.space, settings)
                 check_fit(method, designed)
                 search = TimedSearch(designed, method, opened, known, self)
-                run_side_by_side([search], lambda _, requests: [judge(designed, request) for request in requests])
+                run_side_by_side(
+                    [search], lambda _, requests: [evaluate_request(designed, request) for request in requests]
+                )
             ended = {**config, "generations": len(known) - 1}
             with open_run(folder, ended, resume=True, environment=about):
                 pass  # the status of the run says that it is finished

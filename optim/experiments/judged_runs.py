@@ -12,7 +12,7 @@ from optim.experiments.equal_cost import Contest
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress
 from optim.experiments.tables import Record, read_records, where, write_records
-from optim.problem import Minibatch, Problem, Request, Wants, judge
+from optim.problem import Minibatch, Problem, Request, Wants, evaluate_request
 from optim.problems.robot import RobotProblem
 from optim.runs.history import read_history
 from robots.robot import part_of
@@ -86,7 +86,7 @@ def warm_up(problem: Problem, gradients: bool) -> None:
     for point in problem.space.sample(np.random.default_rng(WARM_UP), MOST_POINTS):
         for sharpness in sharpnesses:
             wants: Wants = "gradients" if gradients else "points"
-            found = judge(problem, Request(point[None], wants, sharpness, minibatch))
+            found = evaluate_request(problem, Request(point[None], wants, sharpness, minibatch))
         if not found.failed.any():
             return
 

@@ -31,15 +31,15 @@ class Search(Protocol):
 
 
 AnySearch = TypeVar("AnySearch", bound=Search)
-Judge = Callable[[Sequence[AnySearch], Sequence[Request]], Iterable[Evaluation]]
+EvaluateRound = Callable[[Sequence[AnySearch], Sequence[Request]], Iterable[Evaluation]]
 
 
 def run_side_by_side(
-    searches: Iterable[AnySearch], judge: Judge[AnySearch], after_round: Callable[[], object] | None = None
+    searches: Iterable[AnySearch], evaluate: EvaluateRound[AnySearch], after_round: Callable[[], object] | None = None
 ) -> None:
     """Let searches take turns until all are done; those with the fewest completed turns move first.
 
-    ``judge`` evaluates the requests of the searches of a round, in their order. A search is told each evaluation before
+    ``evaluate`` gives the evaluations of a round's requests, in their order. A search is told each evaluation before
     the next one is asked for: a generator loses at most the evaluation at hand when it is interrupted.
     """
     active = [search for search in searches if not search.done]
@@ -47,23 +47,23 @@ def run_side_by_side(
         fewest = min(search.turns for search in active)
         behind = [search for search in active if search.turns == fewest]
         requests = [search.ask() for search in behind]
-        for search, request, evaluation in zip(behind, requests, judge(behind, requests), strict=True):
+        for search, request, evaluation in zip(behind, requests, evaluate(behind, requests), strict=True):
             search.tell(request, evaluation)
         if after_round:
             after_round()
         active = [search for search in active if not search.done]
 
 
-def judge_together(
+def evaluate_together(
     searches: Sequence[AnySearch],
     requests: Sequence[Request],
-    judge: Callable[[Sequence[AnySearch], Request], Evaluation],
+    evaluate: Callable[[Sequence[AnySearch], Request], Evaluation],
     kind: Callable[[AnySearch], Hashable] = lambda search: None,
 ) -> Iterator[Evaluation]:
     """Evaluate the requests of several searches in as few batches as possible; yield their evaluations in order.
 
-    ``judge`` is called with the search of each point, and the points of one batch; a point's evaluation must not depend
-    on those beside it. One batch takes requests of searches of an equal ``kind`` that want the same.
+    ``evaluate`` is called with the search of each point, and the points of one batch; a point's evaluation must not
+    depend on those beside it. One batch takes requests of searches of an equal ``kind`` that want the same.
     """
     batches: dict[Hashable, list[int]] = {}
     for number, (search, request) in enumerate(zip(searches, requests, strict=True)):
@@ -71,7 +71,7 @@ def judge_together(
     found: dict[int, Evaluation] = {}
     for numbers in batches.values():
         owners = [searches[number] for number in numbers for _ in requests[number].points]
-        evaluation, first = judge(owners, join_requests([requests[number] for number in numbers])), 0
+        evaluation, first = evaluate(owners, join_requests([requests[number] for number in numbers])), 0
         for number in numbers:
             end = first + len(requests[number].points)
             found[number], first = part_of(evaluation, slice(first, end)), end
@@ -109,16 +109,16 @@ class BudgetedSearch:
 def run_with_budget(
     methods: Iterable[Method],
     budget: float,
-    judge: Callable[[Sequence[BudgetedSearch], Request], Evaluation],
+    evaluate: Callable[[Sequence[BudgetedSearch], Request], Evaluation],
     observe: Callable[[int, Floats, Evaluation], bool],
     progress: Progress = None,
     price: float = 1.0,
 ) -> None:
-    """Run searches in memory side by side, see :class:`BudgetedSearch`, and judge their points together."""
+    """Run searches in memory side by side, see :class:`BudgetedSearch`, and evaluate their points together."""
     searches = [BudgetedSearch(number, method, budget, observe, price=price) for number, method in enumerate(methods)]
 
     def after_round() -> None:
         if progress:
             progress(sum(search.done for search in searches) / len(searches))
 
-    run_side_by_side(searches, partial(judge_together, judge=judge), after_round)
+    run_side_by_side(searches, partial(evaluate_together, evaluate=evaluate), after_round)

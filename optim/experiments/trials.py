@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from optim.experiments.results import Progress, computed
 from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
-from optim.problem import Evaluation, Judging, Request, judge
+from optim.problem import Evaluation, Evaluator, Request, evaluate_request
 from optim.search import build_method
 from optim.search.epsilon_archive import EpsilonArchive
 from optim.search.method import check_fit
@@ -83,7 +83,7 @@ def first_time(happens: Bools) -> Ints:
 
 
 def record_trials(
-    problem: Judging,
+    problem: Evaluator,
     method: str,
     settings: Mapping[str, Any],
     seeds: Sequence[int],
@@ -99,7 +99,7 @@ def record_trials(
     with_gradient, objectives = np.zeros(size, bool), list[Floats]()
 
     def evaluate(_: Sequence[BudgetedSearch], request: Request) -> Evaluation:
-        return judge(problem, request)
+        return evaluate_request(problem, request)
 
     def observe(trial: int, asked: Floats, evaluation: Evaluation) -> bool:
         if not objectives:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.problem import VEHICLE, Evaluation, Minibatch, check_kind
-from optim.problems.robot import JudgedRobot
+from optim.problems.robot import RobotDesignProblem
 from robots.braitenberg import PUBLISHED, VehicleBody, VehicleTask
 from robots.braitenberg.body import CONTROLLERS
 from robots.braitenberg.robot import VehicleRobot
@@ -27,7 +27,7 @@ OBJECTIVES = ("total", "environments")
 
 
 @dataclass(frozen=True, eq=False)
-class VehicleProblem(JudgedRobot):
+class VehicleProblem(RobotDesignProblem):
     """Design a Braitenberg vehicle that comes close to the light in each environment.
 
     The objective is minus the smallest distance from the light [m]: the sum over environments, or one for each.

@@ -8,7 +8,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from optim.problem import ROBOT, check_kind
-from optim.problems.robot import JudgedRobot
+from optim.problems.robot import RobotDesignProblem
 from robots.lattice_robot.record import robot_of_record
 from robots.lattice_robot.robot import LatticeRobot
 from robots.robot import KINDS, World
@@ -19,7 +19,7 @@ OPTIONS = ("precision", "device")
 
 
 @dataclass(frozen=True, eq=False)
-class LatticeRobotProblem(JudgedRobot):
+class LatticeRobotProblem(RobotDesignProblem):
     """Design a lattice robot by its speed along the heading [body lengths per second] on one terrain.
 
     The variables are what is free of the robot; a phase that may be all of a cycle is an angle.

@@ -38,7 +38,7 @@ from taichi_sim.base.parsing import parse_json
 OVER = {"mean": ", the mean over the worlds", "each": " in each world", "worst": " in the worst world"}  # in reports
 
 
-class JudgedRobot(RobotDesigning):
+class RobotDesignProblem(RobotDesigning):
     """Base class of problems that design a robot of any kind; subclasses provide the robot, worlds and description."""
 
     objective: Names = "mean"
@@ -173,7 +173,7 @@ class JudgedRobot(RobotDesigning):
         else:
             check_part(size, "worlds", len(self.tried_in), word)
 
-    def in_minibatch(self, minibatch: Minibatch) -> "JudgedRobot":
+    def in_minibatch(self, minibatch: Minibatch) -> "RobotDesignProblem":
         """Return the problem in a few of the draws, each in all worlds; or in a few worlds, if nothing is uncertain."""
         part, count = copy(self), len(self.tried_in)
         if self.uncertain:
@@ -181,17 +181,17 @@ class JudgedRobot(RobotDesigning):
             rows = (chosen[:, None] * count + np.arange(count)).ravel()
         else:
             rows = minibatch.of(count)
-            object.__setattr__(part, "_judged_in", tuple(self.tried_in[row] for row in rows))
-        object.__setattr__(part, "_trials", self._trials.part(rows, len(part._judged_in)))
+            object.__setattr__(part, "_evaluated_in", tuple(self.tried_in[row] for row in rows))
+        object.__setattr__(part, "_trials", self._trials.part(rows, len(part._evaluated_in)))
         return part
 
     @cached_property
-    def _judged_in(self) -> Sequence[World]:
+    def _evaluated_in(self) -> Sequence[World]:
         """The worlds: all but in a minibatch."""
         return self.tried_in
 
     def _scored(self, points: ArrayLike, trial: Trial) -> Evaluation:
-        """Judge points by what the robot does in every world; over draws, if something is uncertain."""
+        """Evaluate points by what the robot does in every world; over draws, if something is uncertain."""
         points = self.space.relaxed().validate(np.atleast_2d(points))
         gradients, told = bool(trial.gradients), dataclasses.replace(trial, progress=self.progress)
         outcomes = self._trials.outcomes(self.offered, points, told)
@@ -200,9 +200,9 @@ class JudgedRobot(RobotDesigning):
         lost = np.max([limits.lost(each, self.judged_by) for each in outcomes], axis=0) if limits else None
         slopes = [self._objective.gradients(each, self.judged_by) for each in outcomes] if gradients else []
         if not self.uncertain:
-            return self._judged(outcomes[0], values[0], slopes[0] if gradients else None, lost)
+            return self._evaluation(outcomes[0], values[0], slopes[0] if gradients else None, lost)
         found = under_risk(Risk.parse(self.risk), values, slopes)
-        return self._judged([mean_outcome(each) for each in zip(*outcomes, strict=True)], *found, lost)
+        return self._evaluation([mean_outcome(each) for each in zip(*outcomes, strict=True)], *found, lost)
 
     @cached_property
     def _trials(self) -> TrialWorlds:
@@ -218,13 +218,13 @@ class JudgedRobot(RobotDesigning):
         best = partial(self.robot_of, point)
         return held_out_products(best, self.tried_in, self.uncertain, self.risk, self.compute, score)
 
-    def _judged(
+    def _evaluation(
         self, outcomes: list[Outcome], values: Floats, gradients: Floats | None, lost: Floats | None
     ) -> Evaluation:
         status = np.full(len(values), OK, dtype=object)
         details = {} if lost is None else {LOST: lost}
         single = len(outcomes) == 1
-        for world, outcome in zip(self._judged_in, outcomes, strict=True):
+        for world, outcome in zip(self._evaluated_in, outcomes, strict=True):
             status = np.where(status == OK, outcome.status_or_reason, status)
             for name, found in outcome.measures.items():
                 if not (single and (name,) == self.objective_names):
@@ -304,6 +304,9 @@ class JudgedRobot(RobotDesigning):
         ]
 
 
+JudgedRobot = RobotDesignProblem  # its name up to 2.0
+
+
 def seeded(description: Mapping[str, Any], before: int, seed: int) -> dict[str, Any]:
     """Replace the seed ``before`` in the description of a search's problem, also in robots that have a seed."""
     options = {option.name for option in KINDS.find(description["kind"]).options} if "robot" in description else set()
@@ -314,7 +317,7 @@ def seeded(description: Mapping[str, Any], before: int, seed: int) -> dict[str, 
 
 
 @dataclass(frozen=True, eq=False)
-class RobotProblem(JudgedRobot):
+class RobotProblem(RobotDesignProblem):
     """Design a robot of any kind: search its free parameters for the best of its own measures in some worlds.
 
     Attributes:

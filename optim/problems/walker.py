@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.problem import WALKER, Evaluation, check_kind
-from optim.problems.robot import JudgedRobot
+from optim.problems.robot import RobotDesignProblem
 from robots.lattice_robot.walker import WalkerActuation, WalkerDesign, check_terrain
 from robots.lattice_robot.walker_robot import WalkerRobot
 from robots.robot import KINDS, World
@@ -20,7 +20,7 @@ OPTIONS = ("encoding", "precision", "device")
 
 
 @dataclass(frozen=True, eq=False)
-class WalkerProblem(JudgedRobot):
+class WalkerProblem(RobotDesignProblem):
     """Design the body of a soft voxel walker by its speed along +x [lengths of the lattice per second].
 
     The variables are the genes of the body, see ``robots.lattice_robot.walker_encoding``; the actuation is fixed.

@@ -13,7 +13,7 @@ from typing import Any
 from taichi_sim.base import files
 from taichi_sim.base.compiler import COMPILERS, compiler, installed_version
 
-JUDGING = ("morpholab", "numpy", *COMPILERS)  # packages that evaluations depend on
+EVALUATING = ("morpholab", "numpy", *COMPILERS)  # packages that evaluations depend on
 SEARCHING = ("cmaes", "pymoo")  # packages whose operators some searches use
 LAWS = "laws"  # version of the laws of simulation; morpholab's own version changes at releases only
 PRESENT_LAWS, FIRST_LAWS = "11", "1"  # the first is raised when a law changes results; old folders, with none, have "1"
@@ -57,7 +57,7 @@ def versions(added: Iterable[str] = ()) -> dict[str, str | None]:
     None for packages that are missing or not used. ``added`` are packages of users; they are often edited between
     releases, so a checksum of their code follows their version.
     """
-    known = {name: _version(name) for name in (*JUDGING, *SEARCHING)}
+    known = {name: _version(name) for name in (*EVALUATING, *SEARCHING)}
     packages = {"python": platform.python_version(), **known, **{name: _version_with_code(name) for name in added}}
     return {**packages, LAWS: PRESENT_LAWS}
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from optim.problem import Evaluate, Evaluation, Problem, Request, judge
+from optim.problem import Evaluate, Evaluation, Problem, Request, evaluate_request
 from optim.runs.checkpoint import restore
 from optim.runs.config import GROUND_FILES, check_ground_files, keep_ground_files
 from optim.runs.evaluations import EVALUATIONS, EvaluationLog
@@ -129,13 +129,13 @@ def run_search(
     Returns:
         The last generation.
     """
-    judged = evaluate or functools.partial(judge, problem)
+    evaluated = evaluate or functools.partial(evaluate_request, problem)
     search = FolderSearch(problem, method, folder, keep_evaluations)
     if search.last and progress:
         progress(search.last)
     while (last := search.last) is None or last.generation < generations:
         request = search.ask()
-        search.tell(request, judged(request))
+        search.tell(request, evaluated(request))
         if progress and search.last:
             progress(search.last)
     return last

@@ -7,7 +7,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.problem import Evaluation, Judging, Minibatch, Request, minibatches_of, relaxation_of
+from optim.problem import Evaluation, Evaluator, Minibatch, Request, minibatches_of, relaxation_of
 from optim.problem import Wants as Wants
 from optim.space import Space
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints, mean_of
@@ -129,7 +129,7 @@ def next_request(method: Method) -> Request:
     return Request(method.ask(), method.wants, method.sharpness, method.minibatch)
 
 
-def check_fit(method: Method, problem: Judging) -> None:
+def check_fit(method: Method, problem: Evaluator) -> None:
     """Raise a one-line ValueError, before any work, unless a problem can be evaluated as a method wants.
 
     Details are checked where a problem names those of every evaluation; only others take the evaluation of one point.

@@ -14,7 +14,7 @@ from optim.search.step_rules import Adam, free_variables
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Indices
 
-STARTING, CLIMBING, JUDGING = range(3)  # phases of a round
+STARTING, CLIMBING, EVALUATING = range(3)  # phases of a round
 FORGETS = 0.99  # beta_2 of Adam: in a few hundred moves slopes change
 
 
@@ -83,20 +83,20 @@ class StochasticAscent(IndependentSearches):
     @property
     def minibatch(self) -> Minibatch | None:
         """Minibatch of the next move; None, for all worlds or draws, to evaluate averages."""
-        return None if self.phase == JUDGING else Minibatch(self.minibatch_size, self.batch, self.seed)
+        return None if self.phase == EVALUATING else Minibatch(self.minibatch_size, self.batch, self.seed)
 
     def ask(self) -> Floats:
         """Return candidate starts, shape (C * candidates, D); or the climbers' points or averages, shape (C, D)."""
         if self.phase == STARTING:
             return self._random_starts(self.space, self._seeking.tolist(), self.candidates)
-        return self.space.round(self.average if self.phase == JUDGING else self.here)
+        return self.space.round(self.average if self.phase == EVALUATING else self.here)
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
         """Choose the starts, move the climbers, or keep averages that are better in all worlds or draws."""
         scores = method.single_objective(evaluation, len(points))
         if self.phase == STARTING:
             self._begin(points, scores)
-        elif self.phase == JUDGING:
+        elif self.phase == EVALUATING:
             self._keep(points, scores)
             self.phase = CLIMBING
             if self.move == self.moves:
@@ -121,7 +121,7 @@ class StochasticAscent(IndependentSearches):
         found = np.isfinite(best)
         self.here[seeking[found]] = self.average[seeking[found]] = places[found]
         if found.all():
-            self.batch, self.phase = self.batch + 1, JUDGING
+            self.batch, self.phase = self.batch + 1, EVALUATING
 
     def _climb(self, scores: Floats, slopes: Floats) -> None:
         """A step of Adam for each climber, or back to its average where one failed."""
@@ -133,7 +133,7 @@ class StochasticAscent(IndependentSearches):
         self._go(np.where(valid[:, None], self.space.bound(moved), self.average), ~valid)
         self.move, self.batch = self.move + 1, self.batch + 1
         if self.move % self.judging == 0 or self.move == self.moves:
-            self.phase = JUDGING
+            self.phase = EVALUATING
 
     def _go(self, there: Floats, lost: Bools) -> None:
         """Move the climbers, and their averages towards them; ``lost`` ones forget their steps."""

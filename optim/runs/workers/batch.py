@@ -46,7 +46,7 @@ class Batch:
         starts = range(0, max(count, 1), size)  # a request without points is one part, too
         self._waiting = deque(Part(begin, min(begin + size, count)) for begin in starts)
         self._away = 0
-        self._judged: dict[Part, Evaluation] = {}
+        self._evaluated: dict[Part, Evaluation] = {}
         self._killers: list[Part] = []
 
     @property
@@ -57,7 +57,7 @@ class Batch:
     @property
     def fraction(self) -> float:
         """Fraction of the points that is finished."""
-        finished = sum(len(part) for part in self._judged) + len(self._killers)
+        finished = sum(len(part) for part in self._evaluated) + len(self._killers)
         return finished / max(1, len(self._request.points))
 
     @property
@@ -76,7 +76,7 @@ class Batch:
     def put(self, part: Part, evaluation: Evaluation) -> None:
         """Store the evaluation of a part."""
         self._away -= 1
-        self._judged[part] = evaluation
+        self._evaluated[part] = evaluation
 
     def bury(self, part: Part) -> str:
         """Record that a part killed its worker, and return a text that says what happens next."""
@@ -97,5 +97,5 @@ class Batch:
         wanted = self._request.wants == "gradients"
         slopes = np.full((1, self._request.points.shape[1]), np.nan) if wanted else None
         failed = dataclasses.replace(failures(like, 1, KILLER), gradients=slopes)
-        parts = self._judged | dict.fromkeys(self._killers, failed)
+        parts = self._evaluated | dict.fromkeys(self._killers, failed)
         return join([parts[part] for part in sorted(parts, key=lambda part: part.begin)])

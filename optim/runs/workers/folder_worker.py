@@ -23,17 +23,17 @@ class Ended(Exception):
     """Raised inside a worker when the search has ended while it works."""
 
 
-class Judge(Protocol):
+class RequestEvaluator(Protocol):
     """Evaluates requests for a worker."""
 
-    def judge(self, request: Request, beat: Callable[[], None]) -> Evaluation | Raised | Gone:
+    def evaluate(self, request: Request, beat: Callable[[], None]) -> Evaluation | Raised | Gone:
         """Evaluate a request; meanwhile call ``beat``, which may raise ``Ended``, at intervals."""
 
     def close(self) -> None:
         """End at once every process that was started."""
 
 
-class ProcessJudge:
+class ProcessEvaluator:
     """Evaluates in a child process, so that signs of life continue meanwhile and its death can be reported.
 
     Args:
@@ -46,7 +46,7 @@ class ProcessJudge:
         self._source, self._rest = Processes(problem, threads), rest
         self._process: ProcessWorker | None = None
 
-    def judge(self, request: Request, beat: Callable[[], None]) -> Evaluation | Raised | Gone:
+    def evaluate(self, request: Request, beat: Callable[[], None]) -> Evaluation | Raised | Gone:
         """Evaluate a request in the process, which is started if there is none.
 
         Raises:
@@ -99,19 +99,19 @@ class FolderWorker:
 
     Attributes:
         folder: the folder.
-        build: makes the judge for an offer; raises ValueError if this machine cannot evaluate it.
+        build: makes the evaluator for an offer; raises ValueError if this machine cannot evaluate it.
         idle: time without a part, and without a sign of a search, after which the worker ends [s].
         name: name of the worker.
         parts: number of parts answered.
     """
 
     folder: Path
-    build: Callable[[Offer], Judge]
+    build: Callable[[Offer], RequestEvaluator]
     idle: float = IDLE
     name: str = field(default_factory=worker_name)
     parts: int = 0
     _offer: Offer | None = None
-    _judge: Judge | None = None
+    _evaluator: RequestEvaluator | None = None
     _sign: int = 0  # modification time of the offer, which is the search's sign of life [ns]
     _heard: float = field(default_factory=time.monotonic)
 
@@ -129,7 +129,7 @@ class FolderWorker:
                     return f"there was no sign of a search for {self.idle:g} s"
                 if self._offer is None and self._sign:
                     self._load()
-                if self._judge is not None and (claimed := protocol.claim_any(self.folder, self.name)):
+                if self._evaluator is not None and (claimed := protocol.claim_any(self.folder, self.name)):
                     self._work(*claimed)
                     since = self._heard = time.monotonic()
                 else:
@@ -162,7 +162,7 @@ class FolderWorker:
             return Unread(str(error))
         if self._offer is None or search != self._offer.digest:
             self._load()
-        if self._judge is None or self._offer is None or search != self._offer.digest:
+        if self._evaluator is None or self._offer is None or search != self._offer.digest:
             return Unread("it is of another search")
 
         def beat() -> None:
@@ -170,18 +170,18 @@ class FolderWorker:
                 raise Ended
             protocol.touch(claim)  # if it was taken back, the first answer counts
 
-        return self._judge.judge(request, beat)
+        return self._evaluator.evaluate(request, beat)
 
     def _load(self) -> None:
-        """Read the offer of the present search and make its judge."""
+        """Read the offer of the present search and make its evaluator."""
         self._close()
         self._offer = Offer.read(self.folder)
-        self._judge = self.build(self._offer)
+        self._evaluator = self.build(self._offer)
 
     def _close(self) -> None:
-        if self._judge is not None:
-            self._judge.close()
-            self._judge = None
+        if self._evaluator is not None:
+            self._evaluator.close()
+            self._evaluator = None
 
     def _ended(self) -> bool:
         return (self.folder / protocol.STOP).exists()

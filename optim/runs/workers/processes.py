@@ -141,7 +141,7 @@ def _serve(connection: "Connection[Answer, Request]") -> None:
     with contextlib.suppress(EOFError, ConnectionError):
         connection.send(service.load(connection.recv_bytes()))
         while True:
-            connection.send(service.judge(connection.recv()))
+            connection.send(service.evaluate(connection.recv()))
 
 
 def _die_with(parent: int) -> None:

@@ -67,7 +67,7 @@ class RayWorker:
 
     def submit(self, request: Request) -> None:
         """Send a request to the actor."""
-        self.owed = self.actor.judge.remote(request)
+        self.owed = self.actor.evaluate.remote(request)
 
     def answer(self) -> Answer:
         """Receive the answer; the first time, check the actor's machine first."""

@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from optim.problem import Evaluation, Problem, Request, judge
+from optim.problem import Evaluation, Problem, Request, evaluate_request
 
 # Variables from which NumPy's linear algebra and other libraries read their number of threads when they are loaded.
 THREAD_VARIABLES = (
@@ -75,10 +75,10 @@ class Service:
             return Raised(RuntimeError(message))
         return None
 
-    def judge(self, request: Request) -> Answer:
+    def evaluate(self, request: Request) -> Answer:
         """Evaluate a request; return the evaluation, or the exception."""
         try:
-            return judge(self._problem, request)
+            return evaluate_request(self._problem, request)
         except Exception as error:
             return Raised(portable(error))
 

@@ -27,7 +27,7 @@ from optim.experiments.results import Progress, check_runs, write_json
 from optim.experiments.study import Count, Settings, Study, some_of
 from optim.experiments.tables import Record, cell, column, markdown, page, read_records, where, write_records
 from optim.measures.statistics import effect, holm, known_mean, mann_whitney
-from optim.problem import Request, judge
+from optim.problem import Request, evaluate_request
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import read_history
 from robots.calibration import Properties
@@ -201,9 +201,9 @@ def _warm_up(settings: Comparison, gradients: bool) -> None:
     """Have kernels ready before the clock of a search starts; replays in another precision put them away."""
     problem = settings.problem(FLAT, "random", steps=1, warm_up=0, stages=1)
     point = problem.space.relaxed().low[None]
-    judge(problem, Request(point))
+    evaluate_request(problem, Request(point))
     if gradients:
-        judge(problem, Request(point, "gradients"))
+        evaluate_request(problem, Request(point, "gradients"))
 
 
 def _task(

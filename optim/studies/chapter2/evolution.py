@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.results import Progress
-from optim.experiments.side_by_side import judge_together, run_side_by_side
+from optim.experiments.side_by_side import evaluate_together, run_side_by_side
 from optim.problem import Evaluation, Request
 from optim.studies.chapter2.settings import FITNESS, SPACE, Interference, Treatment, controllers
 from taichi_sim import runtime
@@ -159,7 +159,7 @@ def evolve(
     written = time.monotonic()
 
     def evaluate(searches: Sequence[Climbers], requests: Sequence[Request]) -> Iterable[Evaluation]:
-        return _judge(settings, searches, requests, threads)
+        return _evaluate(settings, searches, requests, threads)
 
     def after_round() -> None:
         nonlocal written
@@ -174,7 +174,7 @@ def evolve(
     return {(each.treatment, each.run): each.state() for each in members}
 
 
-def _judge(
+def _evaluate(
     settings: Interference, searches: Sequence[Climbers], requests: Sequence[Request], threads: int | None
 ) -> Iterable[Evaluation]:
     """Evaluate what climbers ask for: a simulation for each robot, and gradients treatment by treatment."""
@@ -192,7 +192,7 @@ def _judge(
     def kind(climbers: Climbers) -> tuple[str, str]:
         return climbers.treatment.robot, "" if climbers.whole else climbers.treatment.fitness
 
-    return judge_together(searches, requests, together, kind)
+    return evaluate_together(searches, requests, together, kind)
 
 
 def _write(folder: ResultsFolder | None, members: Sequence[Climbers]) -> None:

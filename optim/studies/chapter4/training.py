@@ -192,7 +192,7 @@ def _run(
     places = np.array([np.ravel(body.sensors) for body, _ in runs])
     evaluations, solved = np.zeros(len(runs), np.int64), np.zeros(len(runs), bool)
 
-    def judge(owners: Sequence[BudgetedSearch], request: Request) -> Evaluation:
+    def evaluate(owners: Sequence[BudgetedSearch], request: Request) -> Evaluation:
         return problem.evaluate(np.hstack([places[[owner.name for owner in owners]], request.points]))
 
     def observe(run: int, points: Floats, evaluation: Evaluation) -> bool:
@@ -203,7 +203,7 @@ def _run(
 
     seeds = [_seed(settings.seed, body.design or 0, repetition) for body, repetition in runs]
     methods = [build_method(method, weights, {**BLACK_BOX_OPTIM[method], "seed": seed}) for seed in seeds]
-    run_with_budget(methods, settings.budget, judge, observe, progress)
+    run_with_budget(methods, settings.budget, evaluate, observe, progress)
     return evaluations.reshape(len(bodies), -1), solved.reshape(len(bodies), -1)
 
 

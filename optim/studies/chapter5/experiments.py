@@ -15,7 +15,7 @@ import numpy as np
 from optim.experiments.results import Costs, Progress
 from optim.experiments.side_by_side import run_side_by_side
 from optim.experiments.study import Count, Settings, Several, Whole
-from optim.problem import Evaluation, Request, judge
+from optim.problem import Evaluation, Request, evaluate_request
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs import open_run
 from optim.runs.environment import environment
@@ -150,7 +150,7 @@ def search(
             done = search.turns * len(EXPERIMENTS) + EXPERIMENTS.index(search.experiment)
             problem = dataclasses.replace(search.gaits, progress=part_of(progress, done, turns))
             with costs.of(search.experiment.name):
-                yield judge(problem, request)
+                yield evaluate_request(problem, request)
 
     with ExitStack() as stack:
         searches = [_Turns(settings, experiment, folder, threads, stack) for experiment in EXPERIMENTS]

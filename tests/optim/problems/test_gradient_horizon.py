@@ -8,7 +8,7 @@ import pytest
 
 from optim import maximise
 from optim.lab import differentiate
-from optim.problem import Request, judge
+from optim.problem import Request, evaluate_request
 from optim.problems import problem_of_description
 from optim.problems.robot import RobotProblem
 from robots.braitenberg.robot import VehicleRobot
@@ -26,7 +26,7 @@ def problem(horizon=None, cycles=4, ground="rough:0.006,0.05,1"):
 def length(given):
     """Of the gradient of the speed, as if all variables had a range of one: the median of five drawn points."""
     points = given.space.sample(np.random.default_rng(0), 5)
-    found = judge(given, Request(points, "gradients", np.inf)).gradients
+    found = evaluate_request(given, Request(points, "gradients", np.inf)).gradients
     return np.median(np.linalg.norm(found * given.space.span, axis=1))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from worker_checks import Workers, same
 
-from optim.problem import Request, judge
+from optim.problem import Request, evaluate_request
 from optim.problems.user_file import FileProblem
 from optim.runs import open_run, run_search
 from optim.runs.config import settings_of
@@ -41,15 +41,15 @@ REQUEST = Request(PROBLEM.space.sample(np.random.default_rng(0), 11))
 
 
 class Here:
-    """Judges in the worker's own process."""
+    """Evaluates in the worker's own process."""
 
     def __init__(self, before=lambda request, beat: None):
         self.before = before
 
-    def judge(self, request, beat):
+    def evaluate(self, request, beat):
         self.before(request, beat)
         try:
-            return judge(PROBLEM, request)
+            return evaluate_request(PROBLEM, request)
         except OSError as error:
             return Raised(error)
 
@@ -68,8 +68,8 @@ def crew(tmp_path):
     folder, threads = tmp_path / "shared", []
     folder_files.make_folders(folder)
 
-    def start(judged=None, **options):
-        worker = FolderWorker(folder, lambda offer: judged or Here(), name=f"worker{len(threads)}", **options)
+    def start(evaluator=None, **options):
+        worker = FolderWorker(folder, lambda offer: evaluator or Here(), name=f"worker{len(threads)}", **options)
         threads.append(threading.Thread(target=worker.serve))
         threads[-1].start()
         return worker
@@ -91,7 +91,7 @@ def test_the_number_of_parts_changes_no_bit(workers, crew, count):
     crew(), crew()
     with workers.open(PROBLEM, count, part=4) as evaluate:
         for _ in range(2):
-            assert same(evaluate(REQUEST), judge(PROBLEM, REQUEST))
+            assert same(evaluate(REQUEST), evaluate_request(PROBLEM, REQUEST))
     assert workers.notes == workers.saved == [] and workers.progress[-1] == 1.0
 
 
@@ -99,7 +99,7 @@ def test_equal_parts_have_an_answer_each(workers, crew):
     crew()
     twice = Request(REQUEST.points[[0, 0, 0]])
     with workers.open(PROBLEM, 3) as evaluate:
-        assert same(evaluate(twice), judge(PROBLEM, twice))
+        assert same(evaluate(twice), evaluate_request(PROBLEM, twice))
 
 
 def searched(folder, **options):
@@ -177,13 +177,13 @@ def test_a_silent_worker_that_answers_after_all_is_taken_once(workers, crew):
         asleep.wait()
         wait_for(lambda: workers.notes)
         second = crew()
-        assert same(found.result(), judge(PROBLEM, REQUEST))
+        assert same(found.result(), evaluate_request(PROBLEM, REQUEST))
         wait_for(lambda: second.parts)  # it counts a part after it has answered
         assert second.parts == 1
         awake.set()
         late = wait_for(lambda: folder_files.parts_in(workers.folder / "shared", DONE))  # nobody waits for it
         other = Request(REQUEST.points[:3])
-        assert len(late) == 1 and same(evaluate(other), judge(PROBLEM, other))
+        assert len(late) == 1 and same(evaluate(other), evaluate_request(PROBLEM, other))
     assert workers.notes == ["worker0 has been silent for 0.2 s: its part is given to others"]
 
 
@@ -200,10 +200,10 @@ def test_a_part_that_takes_long_is_given_to_an_idle_worker_too(workers, crew, mo
     for _ in range(2):
         crew(Here(sleep_over_the_slow_one))
     with workers.open(PROBLEM, 11) as evaluate:  # whose silence is noticed after a minute
-        assert same(evaluate(REQUEST), judge(PROBLEM, REQUEST)) and len(tried) >= 2
+        assert same(evaluate(REQUEST), evaluate_request(PROBLEM, REQUEST)) and len(tried) >= 2
         awake.set()
         other = Request(REQUEST.points[:3])
-        assert same(evaluate(other), judge(PROBLEM, other))
+        assert same(evaluate(other), evaluate_request(PROBLEM, other))
     assert workers.notes == []
     shared = workers.folder / "shared"
     assert not any(folder_files.parts_in(shared, state) for state in (OPEN, CLAIMED))
@@ -223,7 +223,7 @@ def test_a_damaged_answer_is_named_and_judged_again(workers, crew, harm, monkeyp
     monkeypatch.setattr(folder_files, "packed_answer", harm_once)
     crew()
     with workers.open(PROBLEM, 2) as evaluate:
-        assert same(evaluate(REQUEST), judge(PROBLEM, REQUEST))
+        assert same(evaluate(REQUEST), evaluate_request(PROBLEM, REQUEST))
     (note,) = workers.notes
     assert f"{workers.folder}/shared/done/" in note and ".npz is damaged (" in note and "\n" not in note
 
@@ -235,7 +235,7 @@ def test_a_part_that_is_damaged_on_its_way_is_put_there_again(workers, crew):
         path = folder_files.part_path(workers.folder / "shared", OPEN, part)
         path.write_bytes(path.read_bytes()[:-9])
         crew()
-        assert same(found.result(), judge(PROBLEM, REQUEST))
+        assert same(found.result(), evaluate_request(PROBLEM, REQUEST))
     assert len(workers.notes) == 1 and "worker0 could not read the part: the checksum does not" in workers.notes[0]
 
 
@@ -253,7 +253,7 @@ def test_a_part_that_vanishes_is_put_there_again(workers, crew):
         folder_files.part_path(workers.folder / "shared", OPEN, part).unlink()
         wait_for(lambda: workers.notes)
         crew()
-        assert same(found.result(), judge(PROBLEM, REQUEST))
+        assert same(found.result(), evaluate_request(PROBLEM, REQUEST))
     assert workers.notes == [f"part {part} has vanished from {workers.folder}/shared: it is put there again"]
 
 
@@ -261,10 +261,10 @@ def test_designs_that_kill_processes_are_found_and_saved(workers, crew):
     poison = REQUEST.points[:, 0] == REQUEST.points[:, 0].max()
 
     class Fatal(Here):
-        def judge(self, request, beat):
+        def evaluate(self, request, beat):
             if request.points[:, 0].max() == REQUEST.points[poison, 0]:
                 return Gone("killed by SIGSEGV")
-            return super().judge(request, beat)
+            return super().evaluate(request, beat)
 
     crew(Fatal())
     with workers.open(PROBLEM, 2) as evaluate:
@@ -279,10 +279,10 @@ def test_a_part_whose_workers_always_fall_silent_counts_as_a_killer(workers, cre
     poison = REQUEST.points[4]
 
     class Silent(Here):
-        def judge(self, request, beat):
+        def evaluate(self, request, beat):
             while (request.points == poison).all(axis=1).any() and not (workers.folder / "shared/stop").exists():
                 time.sleep(0.01)
-            return super().judge(request, beat)
+            return super().evaluate(request, beat)
 
     for _ in range(5):
         crew(Silent())
@@ -311,7 +311,7 @@ def test_a_worker_that_is_asked_to_end_gives_its_part_back(workers, crew):
             FolderWorker(folder, lambda offer: Here(stop)).serve()
         assert len(folder_files.parts_in(folder, OPEN)) == 1 and folder_files.parts_in(folder, CLAIMED) == []
         crew()
-        assert same(found.result(), judge(PROBLEM, REQUEST))
+        assert same(found.result(), evaluate_request(PROBLEM, REQUEST))
     assert workers.notes == []
 
 
@@ -343,7 +343,7 @@ def test_answers_of_a_search_that_was_killed_serve_the_next(workers, crew):
     with workers.open(PROBLEM, 1):
         pass
     part, _ = folder_files.packed_request(REQUEST, Offer.read(folder).digest)
-    told = judge(PROBLEM, REQUEST)
+    told = evaluate_request(PROBLEM, REQUEST)
     folder_files.part_path(folder, DONE, part).write_bytes(folder_files.packed_answer(part, "old", told))
     with workers.open(PROBLEM, 1) as evaluate:  # nobody works
         assert same(evaluate(REQUEST), told)
@@ -351,7 +351,7 @@ def test_answers_of_a_search_that_was_killed_serve_the_next(workers, crew):
 
 def test_a_part_that_a_worker_still_holds_is_left_to_it(workers, crew):
     folder = workers.folder / "shared"
-    told = judge(PROBLEM, REQUEST)
+    told = evaluate_request(PROBLEM, REQUEST)
     with workers.open(PROBLEM, 1):
         pass
     part, content = folder_files.packed_request(REQUEST, Offer.read(folder).digest)
@@ -372,15 +372,15 @@ def test_a_part_put_out_again_waits_for_no_claim(workers, crew, monkeypatch):
         unlink(path, **options)
 
     class Dying(Here):
-        def judge(self, request, beat):
+        def evaluate(self, request, beat):
             deaths.append(1)
-            return Gone("killed by SIGSEGV") if len(deaths) == 1 else super().judge(request, beat)
+            return Gone("killed by SIGSEGV") if len(deaths) == 1 else super().evaluate(request, beat)
 
     monkeypatch.setattr(Path, "unlink", slowly)
     crew(Dying())
     begun = time.monotonic()
     with workers.open(PROBLEM, 1) as evaluate:
-        assert same(evaluate(REQUEST), judge(PROBLEM, REQUEST))
+        assert same(evaluate(REQUEST), evaluate_request(PROBLEM, REQUEST))
     assert time.monotonic() - begun < 30.0
 
 

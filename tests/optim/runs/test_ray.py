@@ -11,7 +11,7 @@ import pytest
 from worker_checks import GAITS, PATHS, Workers, lives, numbers, same, short_gaits, stopped, wait_for
 from worker_problems import Bowl, sample
 
-from optim.problem import Request, judge
+from optim.problem import Request, evaluate_request
 from optim.runs.workers import ray_cluster
 
 pytestmark = [pytest.mark.kernels, pytest.mark.long]  # all share a cluster, which judges with the simulator
@@ -45,7 +45,7 @@ def workers(tmp_path, address):
 def test_a_cluster_changes_no_bit(workers, count, capfd):
     before = signal.getsignal(signal.SIGTERM)
     with workers.open(Bowl(), count, part=3) as evaluate:
-        assert same(evaluate(REQUEST), judge(Bowl(), REQUEST))
+        assert same(evaluate(REQUEST), evaluate_request(Bowl(), REQUEST))
     assert workers.notes == [] and workers.progress[-1] == 1
     assert capfd.readouterr().out.count("chatter") == 1  # of the judgement here
     assert signal.getsignal(signal.SIGTERM) is before
@@ -83,7 +83,7 @@ def test_a_killed_actor_is_replaced(workers, tmp_path, capfd):
         judgement = evaluate(REQUEST)
     thread.join()
     assert capfd.readouterr().out == ""  # Ray speaks of it, too
-    assert same(judgement, judge(Bowl(), REQUEST))
+    assert same(judgement, evaluate_request(Bowl(), REQUEST))
     assert len(workers.notes) == 1 and "a worker died (" in workers.notes[0] and "\n" not in workers.notes[0]
     wait_for(lambda: not any(map(lives, numbers(tmp_path))))
 
@@ -134,7 +134,7 @@ def test_a_cluster_that_is_too_small_is_noted(workers, monkeypatch):
     with workers.open(held, 3) as evaluate:
         judgement = evaluate(REQUEST)
     thread.join()
-    assert same(judgement, judge(Bowl(), REQUEST))
+    assert same(judgement, evaluate_request(Bowl(), REQUEST))
     assert workers.notes == ["ray: 2 of 3 workers run; the others wait for free CPUs of the cluster"]
 
 

@@ -13,7 +13,7 @@ import pytest
 from worker_checks import GAITS, PATHS, Workers, lives, numbers, same, short_gaits, stopped, wait_for
 from worker_problems import Awkward, Bowl, Fatal, Threads, Unloadable, sample
 
-from optim.problem import Evaluation, Request, judge
+from optim.problem import Evaluation, Request, evaluate_request
 from optim.runs.requests import failures, join
 from optim.runs.workers import open_workers, ray_cluster
 from optim.runs.workers.batch import Batch
@@ -38,7 +38,7 @@ REQUESTS = [
 def test_the_number_of_workers_changes_no_bit(workers, count):
     with workers.open(Bowl(), count, part=5) as evaluate:
         for request in REQUESTS:
-            assert same(evaluate(request), judge(Bowl(), request))
+            assert same(evaluate(request), evaluate_request(Bowl(), request))
             assert workers.progress == sorted(workers.progress) and workers.progress[-1] == 1.0
             workers.progress.clear()
     assert workers.notes == workers.saved == []
@@ -51,12 +51,12 @@ def test_no_points_are_judged_too(workers):
 
 def test_parts_come_in_any_order():
     request = Request(sample(50))
-    whole = judge(Bowl(), request)
+    whole = evaluate_request(Bowl(), request)
     batch = Batch(request, 7)
     taken = [batch.take() for _ in range(8)]
     assert batch.take() is None and not batch.complete
     for part, piece in reversed(taken):
-        batch.put(part, judge(Bowl(), piece))
+        batch.put(part, evaluate_request(Bowl(), piece))
     assert batch.complete and batch.fraction == 1 and same(batch.joined(whole), whole)
 
 
@@ -85,7 +85,7 @@ def test_a_killed_worker_is_replaced(workers, tmp_path, number, name):
     with workers.open(problem) as evaluate:
         judgement = evaluate(request)
     thread.join()
-    assert same(judgement, judge(Bowl(), request))
+    assert same(judgement, evaluate_request(Bowl(), request))
     assert len(workers.notes) == 1 and f"a worker died (killed by {name}) with designs " in workers.notes[0]
 
 
@@ -95,7 +95,7 @@ def test_a_worker_killed_while_idle_costs_nothing(workers, tmp_path):
         (pid,) = numbers(tmp_path)
         os.kill(pid, signal.SIGKILL)
         wait_for(lambda: not lives(pid))
-        assert same(evaluate(Request(sample(4))), judge(Bowl(), Request(sample(4))))
+        assert same(evaluate(Request(sample(4))), evaluate_request(Bowl(), Request(sample(4))))
     assert workers.notes == ["a worker died while it was idle; it is replaced"]
 
 
@@ -112,7 +112,7 @@ def test_designs_that_kill_are_found_and_saved(workers, part):
     with workers.open(Bowl(poison=poison), part=part) as evaluate:
         judgement = evaluate(Request(points, "gradients", 0.5))
     killer = points[:, 0] > poison
-    whole = judge(Bowl(), Request(points, "gradients", 0.5))
+    whole = evaluate_request(Bowl(), Request(points, "gradients", 0.5))
     assert judgement.status[killer].tolist() == ["killed its worker"]
     assert np.isnan(judgement.objectives[killer]).all() and np.isnan(judgement.gradients[killer]).all()
     assert np.isnan(judgement.details["pair"][killer]).all()
@@ -157,7 +157,7 @@ def test_an_exception_of_the_problem_passes_through(workers, tmp_path, error):
         with pytest.raises(type(error)) as caught:
             evaluate(Request(np.full((5, 2), -4.5)))
         assert str(caught.value) == str(error) and "worker_problems.py" in caught.value.__notes__[0]
-        assert same(evaluate(good), judge(Bowl(), good))  # nothing stale is left
+        assert same(evaluate(good), evaluate_request(Bowl(), good))  # nothing stale is left
     assert workers.notes == [] and len(numbers(tmp_path)) == 1
 
 
@@ -275,7 +275,7 @@ def test_gradients_of_gaits_are_the_same_bits_however_they_are_cut(workers):
     request = Request(GAITS[:3], "gradients", 0.3)
     with workers.open(problem) as evaluate:  # parts of two and of one, where here there is one of three
         judgement = evaluate(request)
-    assert np.all(judgement.gradients != 0) and same(judgement, judge(problem, request))
+    assert np.all(judgement.gradients != 0) and same(judgement, evaluate_request(problem, request))
 
 
 @pytest.mark.kernels

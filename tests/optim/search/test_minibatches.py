@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from optim import maximise
-from optim.problem import Evaluation, Minibatch, Problem, Request, judge
+from optim.problem import Evaluation, Minibatch, Problem, Request, evaluate_request
 from optim.problems.braitenberg import VehicleProblem
 from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.robot import RobotProblem
@@ -88,7 +88,7 @@ def test_it_goes_on_from_its_state_and_begins_anew_after_a_round():
         problem = Bowls()
         for _ in range(turns):
             request = next_request(method)
-            method.tell(request.points, judge(problem, request))
+            method.tell(request.points, evaluate_request(problem, request))
         return method
 
     settings = {"moves": 8, "judging": 3, "climbers": 2, "candidates": 2, "seed": 4}
@@ -110,7 +110,7 @@ def test_a_climber_whose_point_failed_goes_on_from_its_average():
 
     def turn():
         request = next_request(method)
-        method.tell(request.points, judge(problem, request))
+        method.tell(request.points, evaluate_request(problem, request))
 
     for _ in range(4):
         turn()
@@ -271,8 +271,8 @@ def test_the_mean_over_the_minibatches_is_the_objective_with_its_gradient(given)
     uncertain = {"uncertain": "friction=20%,slope=2,levels=10%", "draws": 4} if given == "draws" else {}
     problem = RobotProblem(crawler(), worlds, threads=1, **uncertain)
     points = problem.space.sample(np.random.default_rng(3), 2)
-    whole = judge(problem, Request(points, "gradients", np.inf))
-    parts = [judge(problem, Request(points, "gradients", np.inf, Minibatch(2, n, 9))) for n in range(2)]
+    whole = evaluate_request(problem, Request(points, "gradients", np.inf))
+    parts = [evaluate_request(problem, Request(points, "gradients", np.inf, Minibatch(2, n, 9))) for n in range(2)]
     assert np.mean([part.objectives for part in parts], axis=0) == pytest.approx(whole.objectives, rel=1e-9)
     assert np.mean([part.gradients for part in parts], axis=0) == pytest.approx(whole.gradients, rel=1e-9)
     assert not np.array_equal(parts[0].objectives, parts[1].objectives)

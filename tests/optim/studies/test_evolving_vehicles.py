@@ -10,7 +10,7 @@ import pytest
 from optim.experiments.body_metrics import Environments, Measuring, measure_body
 from optim.experiments.side_by_side import run_with_budget
 from optim.experiments.tables import read_records
-from optim.problem import Evaluation, Problem, Request, judge
+from optim.problem import Evaluation, Problem, Request, evaluate_request
 from optim.search import build_method
 from optim.space import Space, Variable
 from optim.studies.beyond.evolving_vehicles import searches
@@ -61,9 +61,9 @@ def test_pairs_score_as_each_body_does():
     """With gradients by the controller and none by the body."""
     pairs, rng = PairProblem(), np.random.default_rng(0)
     points = np.hstack([np.array([CANONICAL, [7, 6, 5, 1], CANONICAL]), rng.uniform(0.1, 1, (3, 2))])
-    found = judge(pairs, Request(points, "gradients", np.inf))
+    found = evaluate_request(pairs, Request(points, "gradients", np.inf))
     for row, slopes, score in zip(points, found.gradients, found.objectives, strict=True):
-        alone = judge(problem_of(row[:4]), Request(row[None, 4:], "gradients", np.inf))
+        alone = evaluate_request(problem_of(row[:4]), Request(row[None, 4:], "gradients", np.inf))
         assert score == alone.objectives[0] and np.array_equal(slopes[4:], alone.gradients[0])
         assert not slopes[:4].any()
 

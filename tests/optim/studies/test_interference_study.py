@@ -74,15 +74,15 @@ def test_resuming_equals_not_stopping(whole, tmp_path):
 @pytest.mark.kernels
 def test_a_run_whose_file_is_cut_or_that_was_interrupted_goes_on_with_the_same_bits(whole, tmp_path, monkeypatch):
     monkeypatch.setattr(evolution, "SECONDS_BETWEEN_FILES", -1.0)  # after every generation
-    calls, judge = [], evolution._judge
+    calls, evaluate = [], evolution._evaluate
 
     def interrupted(*arguments):
         calls.append(arguments)
         if len(calls) == 5:
             raise KeyboardInterrupt
-        return judge(*arguments)
+        return evaluate(*arguments)
 
-    monkeypatch.setattr(evolution, "_judge", interrupted)
+    monkeypatch.setattr(evolution, "_evaluate", interrupted)
     with pytest.raises(KeyboardInterrupt):
         evolve(BRIEF, CHOSEN, 2, 6, tmp_path, threads=1)
     files = sorted(tmp_path.glob("*.npz"))
@@ -92,7 +92,7 @@ def test_a_run_whose_file_is_cut_or_that_was_interrupted_goes_on_with_the_same_b
     with pytest.warns(UserWarning, match=f"{files[-1].name}: is damaged, and as good as missing"):
         found = evolve(BRIEF, CHOSEN, 2, 6, tmp_path, threads=1)
     assert all(same(found[run], whole[run]) for run in whole)
-    monkeypatch.setattr(evolution, "_judge", None)  # nothing is left to do
+    monkeypatch.setattr(evolution, "_evaluate", None)  # nothing is left to do
     assert all(same(state, whole[run]) for run, state in evolve(BRIEF, CHOSEN, 2, 6, tmp_path).items())
 
 
@@ -112,7 +112,7 @@ def test_climbers_that_no_run_leaves_are_as_good_as_missing(tmp_path, monkeypatc
     told(kept, kept.ask(), [[0.1, 0.1], [np.nan, np.nan]], [[9.0, 9.0], [np.nan, np.nan]])  # a failure is possible
     folder, name = ResultsFolder(tmp_path, "interference", asdict(settings)), CHOSEN[0].file(0)
     folder.add(name, name.encode(), **kept.state())
-    monkeypatch.setattr(evolution, "_judge", None)  # nothing is left to do
+    monkeypatch.setattr(evolution, "_evaluate", None)  # nothing is left to do
     (found,) = evolve(settings, CHOSEN[:1], 1, 0, tmp_path).values()
     assert found["climber"].tolist() == [0, 1]
     state = kept.state()
@@ -252,7 +252,7 @@ def test_the_command_writes_tables_and_pictures_and_goes_on(morpholab, tmp_path,
     seen = "view whegged --controller a/champions/whegged_min.json --frames 3 --threads 1 --quiet --out page.html"
     assert len(list((tmp_path / "a/champions").iterdir())) == 9 and morpholab(seen)[0] == 0
     told_again(tmp_path / "a", tmp_path / "data")
-    monkeypatch.setattr(evolution, "_judge", None)  # nothing is left to do
+    monkeypatch.setattr(evolution, "_evaluate", None)  # nothing is left to do
     code, out, error = morpholab(f"interference --out a {SMALL} --robots whegged --fitness min")
     assert (code, error) == (0, "") and "M1: whegged min" in out and "2 runs of 2 generations, 3 climbers each\n" in out
 

@@ -183,9 +183,9 @@ def test_a_search_begins_with_the_start_that_is_best_in_its_own_problem(monkeypa
     for scores, best in (([0.2, 0.3], 1), ([0.2, 0.1], 0), ([0.2, np.nan], 0)):
         found = SimpleNamespace(objectives=np.array(scores)[:, None])
         parts = ResultsFolder(tmp_path / f"{scores}", "starts", {})
-        monkeypatch.setattr(search, "judge", lambda problem, request, found=found: found)
+        monkeypatch.setattr(search, "evaluate_request", lambda problem, request, found=found: found)
         assert best_start(problem, starts, parts, "robust-11") == starts[best]
-        monkeypatch.setattr(search, "judge", None)
+        monkeypatch.setattr(search, "evaluate_request", None)
         assert best_start(problem, starts, parts, "robust-11") == starts[best]
         assert best_start(problem, starts[:1], parts, "robust-11") == starts[0]
 
@@ -227,7 +227,7 @@ def test_the_study_finds_judges_and_goes_on(tmp_path, monkeypatch):
     for path in (tmp_path / "again").iterdir():
         assert path.read_bytes() == (tmp_path / path.name).read_bytes(), path.name
     shutil.rmtree(tmp_path / "again")
-    monkeypatch.setattr(search, "judge", None)
+    monkeypatch.setattr(search, "evaluate_request", None)
     monkeypatch.setattr(judgement, "InflatableRobot", None)
     monkeypatch.setattr(judgement, "play_tables", None)
     study(tmp_path, settings, threads=2)

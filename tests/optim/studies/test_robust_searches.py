@@ -110,11 +110,11 @@ def test_kernels_are_ready_for_gradients_of_gaits_which_true_ones_lack(monkeypat
     asked = []
     problem = QUICK.problem(0.0, "gradient-hill-climb")
 
-    def judge(problem, request):
+    def evaluate(problem, request):
         asked.append((request.wants, request.sharpness))
         return type("Judged", (), {"failed": np.zeros(1, bool)})
 
-    monkeypatch.setattr("optim.experiments.judged_runs.judge", judge)
+    monkeypatch.setattr("optim.experiments.judged_runs.evaluate_request", evaluate)
     warm_up(problem, True)
     warm_up(problem, False)
     assert asked == [("gradients", 0.0), ("points", np.inf)]

@@ -12,7 +12,7 @@ from optim.experiments.data import Data, Kind
 from optim.experiments.results import Progress, cached
 from optim.experiments.side_by_side import run_with_budget
 from optim.experiments.tables import Record, column
-from optim.problem import Evaluation, Request, judge
+from optim.problem import Evaluation, Request, evaluate_request
 from optim.problems.robot import RobotProblem
 from optim.search import build_method
 from taichi_sim.base.arrays import Arrays, Floats
@@ -56,7 +56,7 @@ def learn_until(
     evaluations, solved = np.zeros(len(seeds), np.int64), np.zeros(len(seeds), bool)
 
     def evaluate(_: Sequence[Any], request: Request) -> Evaluation:
-        return judge(problem, request)
+        return evaluate_request(problem, request)
 
     def observe(run: int, points: Floats, evaluation: Evaluation) -> bool:
         good = np.flatnonzero(np.nan_to_num(evaluation.objectives[:, 0], nan=-np.inf) >= score)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from optim.experiments.results import Progress
 from optim.experiments.side_by_side import BudgetedSearch, run_side_by_side, run_with_budget
-from optim.problem import Evaluation, Problem, Request, judge
+from optim.problem import Evaluation, Problem, Request, evaluate_request
 from optim.search import build_method
 from optim.space import Space
 from optim.studies.beyond.evolving_vehicles.bodies import BODY, drawn_body, problem_of, tried
@@ -96,7 +96,7 @@ class PairProblem(Problem):
         for number, body in enumerate(bodies):
             rows = np.flatnonzero(np.ravel(of) == number)
             request = Request(points[rows, size:], "gradients" if gradients else "points", np.inf)
-            found = judge(problem_of(body), request)
+            found = evaluate_request(problem_of(body), request)
             scores[rows] = found.objectives
             if found.gradients is not None:
                 slopes[rows, size:] = found.gradients
@@ -119,7 +119,7 @@ def evolve(problem: BodyProblem, population: int, generations: int, progress: Pr
         return False
 
     search = BudgetedSearch(0, method, total, observe)
-    run_side_by_side([search], lambda _, requests: [judge(problem, request) for request in requests])
+    run_side_by_side([search], lambda _, requests: [evaluate_request(problem, request) for request in requests])
     front = method.result()
     if not len(front.points):  # every evaluation has failed
         return {"body": drawn_body(problem.seed), "objectives": np.full(len(problem.objective_names), np.nan)}
@@ -153,7 +153,7 @@ def loop(
     course: list[tuple[float, float]] = []
 
     def evaluate(_: Sequence[Any], request: Request) -> Evaluation:
-        return judge(designed, request)
+        return evaluate_request(designed, request)
 
     def observe(_: int, points: Floats, evaluation: Evaluation) -> bool:
         each = price if evaluation.gradients is not None else 1.0

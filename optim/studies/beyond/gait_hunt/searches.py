@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.results import Progress
-from optim.problem import Evaluation, Request, judge
+from optim.problem import Evaluation, Request, evaluate_request
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs import open_run
 from optim.runs.folder import RunFolder
@@ -130,7 +130,7 @@ def search_within(
         search = PaidSearch(problem, build_method(method, problem.space, known), run)
         while search.turns <= generations and search.lasts(budget):
             request = search.ask()
-            search.tell(request, judge(problem, request))
+            search.tell(request, evaluate_request(problem, request))
             if progress:
                 progress(min(sum(search.spent) / budget, 1.0))
     return read_history(folder)

@@ -11,7 +11,7 @@ import numpy as np
 
 from optim.experiments.allowed import Allowed
 from optim.experiments.results import Progress, computed_arrays
-from optim.problem import Request, judge
+from optim.problem import Request, evaluate_request
 from optim.problems.inflatable.graded_encoding import LEAST_MOTION, SETTLING
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import read_history
@@ -59,7 +59,7 @@ def screened(
 
     def speeds(slope: float, group: Sequence[Mapping[str, Any]], told: Progress) -> Floats:
         problem = settings.problem(slope, False, threads)
-        speeds = judge(problem, Request(_points(problem, group), "points")).objectives[:, 0]
+        speeds = evaluate_request(problem, Request(_points(problem, group), "points")).objectives[:, 0]
         return np.where(np.isfinite(speeds), speeds, -np.inf)
 
     tasks = {
@@ -105,7 +105,7 @@ def best_start(
 
     def scores(told: Progress) -> Floats:
         points = np.stack([problem.space.from_dict(each) for each in starts])
-        return judge(problem, Request(points, "points")).objectives[:, 0]
+        return evaluate_request(problem, Request(points, "points")).objectives[:, 0]
 
     tasks = {f"starts_{name}": scores}
     allowed = dict.fromkeys(tasks, Allowed((len(starts),), failed=np.nan))
