@@ -102,13 +102,13 @@ def _told_again(args: argparse.Namespace, study: "Study") -> Report:
     for name in OF_RUNS:
         if getattr(args, name) is not None:
             raise ValueError(f"{name}: {getattr(args, name)} is not allowed with --from-data, which runs nothing")
-    if study.tell is None:
-        able = ", ".join(name for name, one in STUDIES.usable() if one.tell is not None)
+    if study.rewrite is None:
+        able = ", ".join(name for name, one in STUDIES.usable() if one.rewrite is not None)
         raise ValueError(f"from-data: study {args.study} is not told from tables; {able} are")
     data = found(args.from_data, args.study)
     with claimed_folder("out", args.out), undone_if_it_fails() as made:
         try:
-            study.tell(data, args.out)
+            study.rewrite(data, args.out)
         except BaseException:
             made += [path for path in args.out.iterdir() if not path.name.startswith(ASIDE)]
             raise

@@ -1,7 +1,7 @@
 """Studies: experiments that ``morpholab reproduce`` runs to repeat or extend something published."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass, replace
 from functools import partial
 from inspect import signature
 from pathlib import Path
@@ -139,7 +139,12 @@ class Study:
     writes: tuple[str, ...]  # files in its folder, beside raw results
     cost: str = ""  # what ``"full"`` takes, where that is hours
     # Makes tables, summary and figures again from the data of a study that has been run, in a new folder.
-    tell: Callable[[Data, Path], None] | None = None
+    rewrite: Callable[[Data, Path], None] | None = None
+    tell: InitVar[Callable[[Data, Path], None] | None] = None  # name of ``rewrite`` up to 2.0
+
+    def __post_init__(self, tell: Callable[[Data, Path], None] | None) -> None:
+        if tell is not None:
+            object.__setattr__(self, "rewrite", tell)
 
     @property
     def options(self) -> set[str]:

@@ -148,7 +148,7 @@ def study(folder: Path, settings: Enumeration, progress: Progress = None, jobs: 
         progress(1.0)
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write ``summary.json`` and ``table.md`` from the table of runs."""
     kinds = {"seed": int, "evaluations": int, "score": float | None, "speed": float, "slowest": float, "fastest": float}
     rows = data.records(TABLE, {"body": (*BODIES, EVOLVED), "found": str, **kinds})
@@ -280,7 +280,7 @@ STUDY = Study(
         "full": Enumeration(evaluations=256, starts=5),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=FILES[:3],
     cost="eight hours of one core; medium takes a quarter of an hour",
 )

@@ -130,7 +130,7 @@ def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: i
     _report(folder, settings.share, known[0], known[2])
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write the tables of all problems, and ``summary.json``, from the tables of runs and of trials."""
     share = data.from_summary(lambda summary: positive("share", summary["share"]))
     rows, trials = (_read(data.folder / TABLES[what], what) for what in ("run", "trials"))
@@ -323,7 +323,7 @@ STUDY = Study(
         "full": Comparison(problems=tuple(name for name in PROBLEMS if name != "tuning")),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=FILES[:6],
     cost="two days of one core; medium takes three hours",
 )

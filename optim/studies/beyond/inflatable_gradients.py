@@ -185,7 +185,7 @@ def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: i
             _report(folder, settings.about, rows, curves)
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write ``summary.json`` and ``table.md`` from the tables of runs and their courses."""
     about: dict[str, Kind] = {"world": tuple(WORLDS), "search": tuple(ARMS), "seed": int}
     rows = data.records(TABLES[0], {**about, "evaluations": int, "score": float | None, "speed": float})
@@ -389,7 +389,7 @@ STUDY = Study(
         "full": Comparison(seconds=600.0, arms=tuple(ARMS)),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=FILES[:4],
     cost="a day of one core; medium takes an hour",
 )

@@ -132,7 +132,7 @@ def study(folder: Path, settings: LightSeeking, progress: Progress = None, jobs:
     _report(folder, settings, runs.complete(settings.runs, progress, jobs))
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write the table and ``summary.json`` from the table of runs."""
     _report(folder, data.settings(LightSeeking), data.records(TABLE, COLUMNS))
 
@@ -229,7 +229,7 @@ STUDY = Study(
         "full": LightSeeking(seconds=1200.0),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=FILES,
     cost="nine hours of one core; medium takes two",
 )

@@ -82,7 +82,7 @@ def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> 
     _report(folder, settings.budget, rows)
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write ``summary.json`` and the figure from the table of trials."""
     _report(folder, data.count("budget"), data.records(TABLE, COLUMNS, "problem", "method"))
 
@@ -122,6 +122,6 @@ STUDY = Study(
     source="beyond chapter 4",
     scales=co_optimisation.STUDY.scales,
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("summary.json", TABLE, "search-comparison.png"),
 )

@@ -98,7 +98,7 @@ def study(folder: Path, settings: Solving, progress: Progress = None, jobs: int 
     _report(folder, settings.seconds, runs.complete(settings.runs, progress, jobs))
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write the table and ``summary.json`` from the table of runs."""
     seconds = data.from_summary(lambda summary: positive("seconds", summary["seconds"]))
     _report(folder, seconds, data.records(TABLE, COLUMNS))
@@ -173,7 +173,7 @@ STUDY = Study(
         "full": Solving(seconds=300.0, seeds=5),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=FILES,
     cost="ten hours of one core; medium takes an hour",
 )

@@ -106,7 +106,7 @@ def study(folder: Path, settings: UncertainWalking, progress: Progress = None, j
     _report(folder, settings, runs.complete(settings.runs, progress, jobs))
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write the table and ``summary.json`` from the table of runs."""
     _report(folder, data.settings(UncertainWalking), data.records(TABLE, COLUMNS))
 
@@ -203,7 +203,7 @@ STUDY = Study(
         "full": UncertainWalking(seconds=240.0, seeds=10),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=FILES,
     cost="six hours of one core; medium takes 50 minutes",
 )

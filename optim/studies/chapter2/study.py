@@ -123,7 +123,7 @@ def study(folder: Path, settings: Effort, progress: Progress = None) -> None:
     write_json(folder / "summary.json", {"alone": alone})
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write tables and pictures of each experiment that has a folder with the table of its runs, and each light alone.
 
     Pictures are those whose numbers are there: what climbers kept, and the paths of champions, are in no table of runs.
@@ -164,7 +164,7 @@ STUDY = Study(
     source="chapter 2, tables M1 to M4 and figures",
     scales={"small": Effort(20, 3, 40, 2, 40), "full": Effort(100, 30, 3000, 5, 400)},  # full: as published
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=(
         *(f"two/{name}" for name in ("tables.md", *PICTURES_OF_TWO, *PICTURES)),
         *(f"four/{name}" for name in ("tables.md", *PICTURES)),

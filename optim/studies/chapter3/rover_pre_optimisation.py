@@ -187,7 +187,7 @@ def study(folder: Path, settings: PreOptimisation, progress: Progress = None) ->
     _report(folder, rows, {name: _judged(name, base, settings, results) for name, base in bases.items()})
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write what :func:`study` does from the table of fronts, and from what ``summary.json`` has of base bodies."""
     rows = data.records(TABLE, COLUMNS)
     _report(folder, rows, data.from_summary(partial(_known, _bases(rows))))
@@ -306,6 +306,6 @@ STUDY = Study(
     source="chapter 3, the empirical model",
     scales={"small": PreOptimisation(1, 400, weights=11), "full": PreOptimisation()},
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("summary.json", TABLE, "rover-pre-optimisation.png"),
 )

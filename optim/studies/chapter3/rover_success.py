@@ -135,7 +135,7 @@ def study(folder: Path, settings: RoverSuccess, progress: Progress = None) -> No
     _report(folder, overlaps, lights)
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write what :func:`study` does from the figure's numbers, and from counts that ``summary.json`` has."""
     places = {(body, model): _named(body, model) for model in MODELS for body in BODIES}
     found = data.arrays(NUMBERS, places.values())
@@ -193,6 +193,6 @@ STUDY = Study(
     source="chapter 3, figure of landscapes, empirical model",
     scales={"small": RoverSuccess(RoverGrid(31), Sweep(31)), "full": RoverSuccess()},
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("summary.json", "rover-success.csv", "rover-success.png", LANDSCAPE),
 )

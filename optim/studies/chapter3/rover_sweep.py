@@ -83,7 +83,7 @@ def study(folder: Path, settings: RoverSweep, progress: Progress = None) -> None
     _report(folder, {"seed": settings.seed, "weights": weights}, drawn, known)
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write what :func:`study` does from its table, and from metrics of known bodies that ``summary.json`` has."""
     rows = data.records(TABLE, COLUMNS)
     about, known = data.from_summary(_known)
@@ -186,7 +186,7 @@ STUDY = Study(
         "full": RoverSweep(DESIGNS, grid=RoverGrid(), theory=Sweep()),  # the published grid: 31 h of CPU time
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=FILES,
     cost="31 h of CPU time",
 )

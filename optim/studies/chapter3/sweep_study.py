@@ -75,7 +75,7 @@ TABLES = {
 TRAJECTORIES = ("vehicle-trajectories.npz", trajectories.NUMBERS)
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write the table of each sweep and pictures of its metrics; also those of which there are arrays."""
     there = [name for name in TABLES if data.has(name)]
     if not there:
@@ -113,7 +113,7 @@ STUDY = Study(
     source="chapters 3 and 4, figures of designs, metrics and their correlation",
     scales={"small": SensorPlacement(98, Sweep(weights=41)), "full": SensorPlacement()},
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("table.csv", *PICTURES),
 )
 

@@ -214,7 +214,7 @@ def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> 
     _report(folder, tables, decimation(settings.task), len(settings.task.starts))
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write ``summary.json`` and the figures from the tables."""
     tables = {}
     for name, columns in TABLES.items():
@@ -323,6 +323,6 @@ STUDY = Study(
     source="chapter 4, figure neurips_cooptimization",
     scales={"small": CoOptimisation(runs=4, budget=120), "full": CoOptimisation()},
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("summary.json", *TABLES, *PICTURES),
 )

@@ -197,7 +197,7 @@ def study(folder: Path, settings: HomeostasisObjective, progress: Progress = Non
     _report(folder, own.budget, times, rows)
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write ``summary.json`` and the figure from the tables."""
     times, rows = data.records(TIMES, COLUMNS_OF_TIMES, "way"), data.records(REPORTED, COLUMNS, "way")
     _report(folder, data.count("budget"), times, rows)
@@ -246,6 +246,6 @@ STUDY = Study(
         "full": HomeostasisObjective(),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("summary.json", TIMES, REPORTED, "homeostasis-objective.png"),
 )

@@ -122,7 +122,7 @@ def study(folder: Path, settings: BodyHomeostasis, progress: Progress = None, sw
     _report(folder, table, decimation(settings.sweep.task, settings.samples))
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write ``summary.json`` and the figure from the table of bodies."""
     rows = data.records(TABLE, COLUMNS)
     _report(folder, {name: column(rows, name) for name in COLUMNS}, data.count("steps_between_samples"))
@@ -154,6 +154,6 @@ STUDY = Study(
         "full": BodyHomeostasis(),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("summary.json", TABLE, "homeostasis-of-bodies.png"),
 )

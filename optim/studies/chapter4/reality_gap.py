@@ -148,7 +148,7 @@ def _manifolds(results: ResultsFolder, settings: RealityGap, progress: Progress)
     return list(chain.from_iterable(rows))
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write ``summary.json``, ``survival.csv`` and the figure from the table of controllers, and that of manifolds.
 
     Data of earlier versions have no manifolds.
@@ -228,6 +228,6 @@ STUDY = Study(
     source="chapter 6, figure of weight manifolds",
     scales={"small": RealityGap(controllers=10, draws=2, manifold=41, manifold_draws=1), "full": RealityGap()},
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("summary.json", TABLE, weight_manifolds.TABLE, "survival.csv", "reality-gap.png"),
 )

@@ -252,7 +252,7 @@ def study(
     _report(folder, table, sweep)
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write ``summary.json`` and ``training.png`` from tables of runs and sweep, a study's or of all bodies."""
     own = data.has("runs.csv")
     runs = read_training_table(data.path("runs.csv" if own else "vehicle-training-all.csv"))
@@ -304,7 +304,7 @@ STUDY = Study(
     source="chapter 4, figure of sample efficiency",
     scales={"small": TrainingInBodies(20, 41, Training(repetitions=2)), "full": TrainingInBodies()},
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("summary.json", "runs.csv", "training.png"),
 )
 

@@ -73,7 +73,7 @@ def study(
     return _report(folder, points, settings.robot.speeds_in_parts(cases, parts, threads, progress))
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write all that the study writes from the speeds that its folder keeps."""
     points = data.kept(NAME, _points_of)
     _report(folder, points, kept_speeds(data, len(points)))
@@ -170,6 +170,6 @@ STUDY = Study(
     source="chapter 5, figure of friction, d and e",
     scales={"small": FrictionSweeps(GaitRuns(copies=2)), "full": FrictionSweeps()},
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("friction.md", "friction.csv", "friction.png", "summary.json"),
 )

@@ -120,7 +120,7 @@ def study(
     return _report(folder, copies)
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write tables, summary and figure from the table of copies."""
     copies = data.records(COPIES, COLUMNS)
     for copy in copies:
@@ -220,6 +220,6 @@ STUDY = Study(
         ),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("hardware.md", "hardware.csv", "sets.csv", COPIES, "hardware.png", "summary.json"),
 )

@@ -102,7 +102,7 @@ def study(
     return _report(folder, settings, found[: len(flat)], found[len(flat) :])
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write all that the study writes from the speeds that its folder keeps, of all bodies that it has begun."""
     bodies = _begun(data)
     settings = data.kept(NAME, lambda kept: SoftRobotMetrics(*bodies, *(kept[name] for name in SAMPLE)))
@@ -240,7 +240,7 @@ STUDY = Study(
         "full": SoftRobotMetrics(),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("metrics.csv", "metrics.png", "summary.json"),
     cost="20 h of two cores",
 )

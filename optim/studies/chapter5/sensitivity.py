@@ -199,7 +199,7 @@ def study(folder: Path, settings: Sensitivity, progress: Progress = None, thread
     return _report(folder, about, dict(zip(variants, lengths, strict=True)))
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write all that the study writes from the distances that its folder keeps; published factors only.
 
     Names of parts have no more than six digits of a factor, too few to tell others from them.
@@ -311,7 +311,7 @@ STUDY = Study(
     source="chapter 5, discussion of the simulator's parameters",
     scales={"small": Sensitivity(FEW_FACTORS, GaitRuns(precision="f32", copies=5), repeats=1), "full": Sensitivity()},
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("sensitivity.md", "sensitivity.csv", "sensitivity.png", "summary.json"),
     cost="1 h of two cores",
 )

@@ -52,7 +52,7 @@ def study(folder: Path, settings: SlopeSweep, progress: Progress = None, threads
     return _report(folder, slopes, robot.speeds_in_parts(cases, parts, threads, progress))
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write all that the study writes from the speeds that its folder keeps."""
     slopes = data.kept(NAME, lambda settings: SlopeSweep(tuple(settings["slopes"])).slopes)
     _report(folder, slopes, kept_speeds(data, len(slopes) * len(GAITS)))
@@ -168,6 +168,6 @@ STUDY = Study(
         "full": SlopeSweep(),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("slopes.md", "slopes.csv", "slopes.png", "summary.json"),
 )

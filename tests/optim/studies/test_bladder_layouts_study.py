@@ -11,7 +11,7 @@ from linear_robot import Linear
 from optim import cli
 from optim.experiments.data import Data
 from optim.experiments.tables import read_records, where
-from optim.studies.beyond.bladder_layouts import BODIES, EVOLVED, STUDY, Enumeration, study, tell
+from optim.studies.beyond.bladder_layouts import BODIES, EVOLVED, STUDY, Enumeration, rewrite, study
 from robots.inflatable import load_design
 from robots.inflatable.layout import WAYS_TO_LIE, laid, told_layout
 
@@ -54,7 +54,7 @@ def test_every_body_is_searched_by_as_many_evaluations_in_the_ways_that_it_lies(
     rows = read_records(folder / "runs.csv")
     assert [row["evaluations"] for row in rows] == [16] * 6 and "Evolution" not in (folder / "table.md").read_text()
     (tmp_path / "told").mkdir()
-    tell(Data(folder), tmp_path / "told")
+    rewrite(Data(folder), tmp_path / "told")
     for name in ("summary.json", "table.md"):
         assert (tmp_path / "told" / name).read_bytes() == (folder / name).read_bytes()
     shutil.rmtree(folder / "runs")

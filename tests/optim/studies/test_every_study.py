@@ -14,7 +14,7 @@ def test_a_study_ends_and_its_folder_tells_the_same(morpholab, tmp_path, name):
     assert (code, error) == (0, "")
     study, found = STUDIES[name], tmp_path / "found"
     assert [file for file in study.writes if not (found / file).exists()] == []
-    if study.tell is None:
+    if study.rewrite is None:
         return
     assert morpholab(f"reproduce {name} --from-data found --quiet --out told")[0] == 0
     told = {path.name: path.read_bytes() for path in (tmp_path / "told").iterdir() if path.suffix in (".md", ".json")}

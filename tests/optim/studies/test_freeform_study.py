@@ -74,7 +74,7 @@ def test_numbers_that_no_run_can_have_found_are_refused(tmp_path, value, name, c
     (tmp_path / "a" / name).write_text("\n".join([header, ",".join(cells), *rest]) + "\n")
     why = rf"a/{name}: row 2 has {value} as {column}; it must be a finite number$"
     with pytest.raises(ValueError, match=why):
-        STUDY.tell(Data(tmp_path / "a"), tmp_path / "b")
+        STUDY.rewrite(Data(tmp_path / "a"), tmp_path / "b")
     with pytest.raises(ValueError, match=why):
         freeform.study(tmp_path / "a", QUICK)
 

@@ -18,7 +18,7 @@ from optim.studies.chapter2.study import ENVIRONMENTS, PICTURES
 DATA = Path(__file__).parents[3] / "docs/data"
 NUMBERS = "0 -0 7 -12 007 1_0 1.5 -0.25 1e5 1.5e-7 01.5 1.5e400 .5 5."
 CELLS = (*NUMBERS.split(), "True", "None", "nan", "if", "[1,2]", "legged")
-TOLD = [name for name in STUDIES if STUDIES[name].tell is not None]
+TOLD = [name for name in STUDIES if STUDIES[name].rewrite is not None]
 
 
 def close(one, other):

@@ -233,7 +233,7 @@ def test_a_study_of_the_program_goes_on_to_the_same_tables(slopes, tmp_path):
     assert slopes.calls == calls  # all is kept, and halving decides as it did
     assert known == {name: (tmp_path / "whole" / name).read_bytes() for name in known}
     (tmp_path / "told").mkdir()
-    climb.tell(Data(tmp_path / "whole"), tmp_path / "told")
+    climb.rewrite(Data(tmp_path / "whole"), tmp_path / "told")
     assert slopes.calls == calls  # made from the tables alone
     for name in ("summary.json", "table.md"):
         assert (tmp_path / "told" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()

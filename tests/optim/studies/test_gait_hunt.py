@@ -272,7 +272,7 @@ def test_a_study_tells_of_every_search_and_goes_on(hill, tmp_path, monkeypatch):
     assert hill.calls == calls  # all is kept
     assert before == {name: (tmp_path / "hunt" / name).read_bytes() for name in before}
     (tmp_path / "told").mkdir()
-    hunting.tell(Data(tmp_path / "hunt"), tmp_path / "told")
+    hunting.rewrite(Data(tmp_path / "hunt"), tmp_path / "told")
     assert hill.calls == calls  # made from the tables alone
     assert json.loads((tmp_path / "told/summary.json").read_text()) == summary
     assert (tmp_path / "told/table.md").read_bytes() == before["table.md"]

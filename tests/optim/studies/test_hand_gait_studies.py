@@ -327,7 +327,7 @@ SMALL_STUDIES = {
 def told_again(study, data, folder):
     """What a study makes of the data in a folder, by name."""
     folder.mkdir(exist_ok=True)
-    study.STUDY.tell(Data(data), folder)
+    study.STUDY.rewrite(Data(data), folder)
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 

@@ -174,7 +174,7 @@ def test_tables_of_copies_of_which_nothing_can_be_told_are_refused(tmp_path):
     ):
         write_records(tmp_path / "copies.csv", copies)
         with pytest.raises(ValueError) as error:
-            hardware_friction.tell(Data(tmp_path), tmp_path / "out")
+            hardware_friction.rewrite(Data(tmp_path), tmp_path / "out")
         assert message in str(error.value) and "\n" not in str(error.value)
 
 

@@ -10,7 +10,7 @@ from linear_robot import Linear
 
 from optim.experiments.data import Data
 from optim.experiments.tables import read_records, where
-from optim.studies.beyond.inflatable_gradients import ARMS, FLAT, HILL, STUDY, WORLDS, Comparison, study, tell
+from optim.studies.beyond.inflatable_gradients import ARMS, FLAT, HILL, STUDY, WORLDS, Comparison, rewrite, study
 from robots.inflatable import load_design
 
 SHORT = Comparison(
@@ -66,7 +66,7 @@ def test_runs_are_kept_and_tables_follow_from_what_they_found(linear, tmp_path):
     study(folder, dataclasses.replace(SHORT, seconds=0.1))  # the runs go on, and what they found is played again
     assert len([call for call in linear.calls[before:] if call.precision == "f64"]) == 12
     (tmp_path / "told").mkdir()
-    tell(Data(folder), tmp_path / "told")
+    rewrite(Data(folder), tmp_path / "told")
     for name in ("summary.json", "table.md"):
         assert (tmp_path / "told" / name).read_bytes() == (folder / name).read_bytes()
     shutil.rmtree(folder / "runs")

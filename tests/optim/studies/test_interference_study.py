@@ -18,7 +18,7 @@ from optim.studies.chapter2 import champions, curves, evolution, settings
 from optim.studies.chapter2.evolution import Climbers, evolve
 from optim.studies.chapter2.figures import draw_curves, draw_traces, read_changes
 from optim.studies.chapter2.settings import FITNESS, Interference, Treatment, treatments
-from optim.studies.chapter2.study import PICTURES, PICTURES_OF_TWO, tell, train
+from optim.studies.chapter2.study import PICTURES, PICTURES_OF_TWO, rewrite, train
 from taichi_sim.base.results_folder import ResultsFolder
 from taichi_sim.runtime import ti
 
@@ -226,7 +226,7 @@ def told_again(folder, data):
     for name in numbers:
         shutil.copy(folder / name, data / "two")
     shutil.copy(folder / "alone.csv", data)
-    tell(Data(data), data / "told")
+    rewrite(Data(data), data / "told")
     for name in ("tables.md", "likeness.md", *PICTURES, *PICTURES_OF_TWO, *numbers[1:]):
         assert (data / "told/two" / name).read_bytes() == (folder / name).read_bytes(), name
 

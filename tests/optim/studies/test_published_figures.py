@@ -143,7 +143,7 @@ def test_a_folder_with_examples_of_before_is_told_without_them(tmp_path):
     copy(DATA / "vehicle-sweep.csv.gz", tmp_path / "table.csv.gz")
     np.savez_compressed(tmp_path / FILE, **before)
     with pytest.warns(UserWarning, match=r"it has no array 'persistent_6553' .*; figures of examples are left out"):
-        STUDY.tell(Data(tmp_path), tmp_path / "out")
+        STUDY.rewrite(Data(tmp_path), tmp_path / "out")
     assert (tmp_path / "out/correlation.png").is_file() and not (tmp_path / "out/examples.png").exists()
 
 
@@ -168,7 +168,7 @@ def test_one_of_two_files_of_trajectories_does_not_silently_win(tmp_path):
     with pytest.raises(
         ValueError, match=r"has vehicle-trajectories\.npz and trajectories\.npz; give a folder with one"
     ):
-        STUDY.tell(Data(tmp_path), tmp_path / "out")
+        STUDY.rewrite(Data(tmp_path), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -231,7 +231,7 @@ def test_matrices_and_sketches_begin_with_a_letter_and_name_their_bodies(tmp_pat
 
 
 def test_histograms_have_the_theory_above_and_rigid_bodies_below(tmp_path, drawn):
-    rover_sweep.tell(Data(DATA / "rover-sweep"), tmp_path)
+    rover_sweep.rewrite(Data(DATA / "rover-sweep"), tmp_path)
     panels = drawn["rover-sweep.png"]
     assert letters(panels) == "ABCD"
     assert [axes.get_xlabel().split(", ")[1] for axes in panels[:, 0]] == ["theoretical", "rigid bodies"]
@@ -239,7 +239,7 @@ def test_histograms_have_the_theory_above_and_rigid_bodies_below(tmp_path, drawn
 
 def test_co_optimisation_has_means_with_bands_in_the_published_colours(tmp_path, drawn):
     data = Data(DATA / "co-optimisation")
-    co_optimisation.tell(data, tmp_path)
+    co_optimisation.rewrite(data, tmp_path)
     (left, right), medians = drawn["co-optimisation.png"][0], drawn["medians.png"]
     assert letters(drawn["co-optimisation.png"]) == "AB" and letters(medians) == "abc"
     blue, red, _ = [line.get_color() for line in left.lines]
@@ -267,7 +267,7 @@ def test_training_has_a_row_for_each_method_and_a_column_for_each_metric(tmp_pat
 
 def test_a_sweep_without_examples_is_told_without_them(tmp_path, drawn):
     copy(DATA / "vehicle-sweep.csv.gz", tmp_path)
-    STUDY.tell(Data(tmp_path), tmp_path / "told")
+    STUDY.rewrite(Data(tmp_path), tmp_path / "told")
     names = {path.name for path in (tmp_path / "told").iterdir()}
     assert "distributions.png" in names and not names & {"examples.png", "landscape.png", *trajectories.PICTURES}
 

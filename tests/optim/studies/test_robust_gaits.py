@@ -123,7 +123,7 @@ def test_the_page_names_the_floor():
 
 def test_gaits_without_designs_settings_or_nominal_speeds_are_told_all_the_same(tmp_path):
     """Of committed draws, and of those without what was played without draws, or on the rig."""
-    report.tell(Data(DATA), tmp_path)
+    report.rewrite(Data(DATA), tmp_path)
     table = (tmp_path / "table.md").read_text()
     assert table.startswith("Speeds with bladders that weigh, under 64 draws that no search has seen")
     assert "| robust 9° | f64 | 0.3156 | 0.3138 |" in table
@@ -133,14 +133,14 @@ def test_gaits_without_designs_settings_or_nominal_speeds_are_told_all_the_same(
     shutil.copy(DATA / "screen.csv", tmp_path)
     write_records(tmp_path / "draws.csv", [row for row in read_records(DATA / "draws.csv") if int(row["draw"]) >= 0])
     (tmp_path / "out").mkdir()
-    report.tell(Data(tmp_path), tmp_path / "out")
+    report.rewrite(Data(tmp_path), tmp_path / "out")
     table = (tmp_path / "out" / "table.md").read_text()
     assert "| robust 9° | f64 | – | 0.3138 |" in table and "lag |" not in table
 
 
 def test_the_steepest_inching_is_told_of_several_floors_and_of_the_studys_own(tmp_path):
     """The documentation has the very table that the command makes."""
-    report.tell(Data(DATA), tmp_path)
+    report.rewrite(Data(DATA), tmp_path)
     table = [line for line in (tmp_path / "inching.md").read_text().splitlines() if line.startswith("|")]
     assert table[2] == "| wood | 0.56 | 0.7 | 4.0 | 21.1 |" and len(table) == 8
     assert "\n".join(table) in (DATA.parents[1] / "real-floor.md").read_text()
@@ -155,7 +155,7 @@ def test_a_gait_without_held_out_draws_is_told(tmp_path):
     draws = read_records(DATA / "draws.csv")
     write_records(tmp_path / "draws.csv", [*draws, {**draws[0], "gait": "still", "draw": -1}])
     with pytest.raises(ValueError, match=r"draws\.csv: gait still has no held-out draw"):
-        report.tell(Data(tmp_path), tmp_path / "out")
+        report.rewrite(Data(tmp_path), tmp_path / "out")
 
 
 def test_a_search_may_begin_with_a_wave_and_the_gait_of_the_slope_below_from_any_column():
@@ -223,7 +223,7 @@ def test_the_study_finds_judges_and_goes_on(tmp_path, monkeypatch):
     table = (tmp_path / "table.md").read_text()
     assert "| gait | precision | designed | without lag | with lag |" in table
     (tmp_path / "again").mkdir()
-    report.tell(Data(tmp_path), tmp_path / "again")
+    report.rewrite(Data(tmp_path), tmp_path / "again")
     for path in (tmp_path / "again").iterdir():
         assert path.read_bytes() == (tmp_path / path.name).read_bytes(), path.name
     shutil.rmtree(tmp_path / "again")

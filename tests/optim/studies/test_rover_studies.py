@@ -91,7 +91,7 @@ DATA = Path(__file__).parents[3] / "docs/data"
 
 
 def told(data):
-    CATALOGUE[data.name].tell(Data(data), data)
+    CATALOGUE[data.name].rewrite(Data(data), data)
 
 
 def test_matrices_and_counts_that_cannot_be_are_told(tmp_path):
@@ -167,7 +167,7 @@ def test_a_study_writes_what_the_catalogue_says_goes_on_from_its_folder_and_refu
     with pytest.raises(ValueError, match=r"of other settings .*; name another folder"):
         study(folder, RoverGrid(5, steps=301, precision="f64"))
     (tmp_path / "told").mkdir()
-    CATALOGUE[name].tell(Data(folder), tmp_path / "told")
+    CATALOGUE[name].rewrite(Data(folder), tmp_path / "told")
     again = {path.name: path.read_bytes() for path in (tmp_path / "told").iterdir()}
     assert again.keys() >= set(CATALOGUE[name].writes)
     assert all((folder / file).read_bytes() == content for file, content in again.items())

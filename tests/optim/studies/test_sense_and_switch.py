@@ -134,7 +134,7 @@ def test_a_repertoire_that_goes_nowhere_by_some_resample_has_no_interval(tmp_pat
     write_records(copied / "runs.csv", shift)
     out = tmp_path / "out"
     out.mkdir()
-    STUDY.tell(Data(copied), out)
+    STUDY.rewrite(Data(copied), out)
     table = (out / "table.md").read_text()
     assert f"| 4 | 101% | {MISSING} | 0 | 0 | 0 | 0 | 16 |" in table
     own = [row for row in shift if row["seed"] == 1]
@@ -158,14 +158,14 @@ def test_tables_that_are_not_whole_are_told(tmp_path, table, lost, message):
     rows = read_records(DATA / table)
     write_records(tmp_path / "a" / table, rows[:lost] + rows[lost + 1 :])
     with pytest.raises(ValueError) as error:
-        STUDY.tell(Data(tmp_path / "a"), tmp_path / "out")
+        STUDY.rewrite(Data(tmp_path / "a"), tmp_path / "out")
     assert message in str(error.value) and "\n" not in str(error.value)
 
 
 def test_a_study_without_changes_of_ground_is_told(tmp_path):
     shutil.copytree(DATA, tmp_path / "a")
     (tmp_path / "a/changes.csv").write_text("seed,course,machine,from,to,looks\n")
-    STUDY.tell(Data(tmp_path / "a"), tmp_path)
+    STUDY.rewrite(Data(tmp_path / "a"), tmp_path)
     assert json.loads((tmp_path / "summary.json").read_text())["noticed"] == {}
 
 
@@ -181,7 +181,7 @@ def test_the_study_goes_on_where_it_was(tmp_path):
     names = ("runs.csv", "gaits.csv", "changes.csv", "summary.json", "table.md")
     before = {name: (tmp_path / "a" / name).read_bytes() for name in names}
     (tmp_path / "told").mkdir()
-    STUDY.tell(Data(tmp_path / "a"), tmp_path / "told")
+    STUDY.rewrite(Data(tmp_path / "a"), tmp_path / "told")
     told_again = {path.name: path.read_bytes() for path in (tmp_path / "told").iterdir()}
     assert set(told_again) == {"table.md", "summary.json", "course.png"}
     assert all(content == (tmp_path / "a" / name).read_bytes() for name, content in told_again.items())

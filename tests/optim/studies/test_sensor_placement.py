@@ -120,7 +120,7 @@ def test_the_picture_of_training_has_the_mean_of_every_body(tmp_path):
 @pytest.mark.long
 def test_complete_sweeps_are_told_from_their_tables(tmp_path):
     data = Path(__file__).parents[3] / "docs/data"
-    STUDY.tell(Data(data), tmp_path)
+    STUDY.rewrite(Data(data), tmp_path)
     for name, part, r in (
         ("vehicle-sweep.csv.gz", "", 0.958),
         ("vehicle-sweep-radius-0.2.csv.gz", "radius-0.2", 0.971),

@@ -310,7 +310,7 @@ def test_the_compressed_table_of_the_published_sweep_can_be_read(tmp_path):
 
 
 def test_the_committed_tables_tell_the_correlations_that_the_docs_have(tmp_path):
-    training.tell(Data(Path(__file__).parents[3] / "docs/data"), tmp_path)
+    training.rewrite(Data(Path(__file__).parents[3] / "docs/data"), tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"summary.json", "training.png", "training.csv"}
     told = json.loads((tmp_path / "summary.json").read_text())["correlations"]
     found = [f"{one['found']['r']:.2f}" for one in told if one["over"] == "bodies"]

@@ -74,7 +74,7 @@ def test_a_study_writes_what_the_catalogue_says_goes_on_from_its_folder_and_refu
     assert set(CATALOGUE[name].writes) <= set(first)
     assert fractions == sorted(fractions) and fractions[-1] == 1.0
     (tmp_path / "told").mkdir()
-    CATALOGUE[name].tell(Data(folder), tmp_path / "told")
+    CATALOGUE[name].rewrite(Data(folder), tmp_path / "told")
     told = files(tmp_path / "told")
     assert {"summary.json", f"{name}.png"} <= set(told) and told.items() <= first.items()
     parts = sorted(folder.glob("*-????????????????.npz"))
@@ -193,7 +193,7 @@ def test_controllers_that_a_perturbation_lacks_are_told(tmp_path):
         "many in each, at least 1"
     )
     with pytest.raises(ValueError, match=re.escape(message)):
-        reality_gap.tell(Data(tmp_path), tmp_path / "told")
+        reality_gap.rewrite(Data(tmp_path), tmp_path / "told")
 
 
 def test_bodies_none_of_which_succeeds_are_told(tmp_path, monkeypatch):

@@ -121,14 +121,14 @@ def test_data_of_before_have_no_manifolds(tmp_path):
     found = {}
     for folder in ("old", "new"):
         (out := tmp_path / f"{folder}-out").mkdir()
-        reality_gap.tell(Data(tmp_path / folder), out)
+        reality_gap.rewrite(Data(tmp_path / folder), out)
         found[folder] = Data(out).from_summary(dict)
     assert "manifolds" not in found["old"] and found["new"]["manifolds"]["162"]["kept"]["mean"] == pytest.approx(2 / 3)
     uneven = rows_of(162, 2, told(4, 5, 0.1, before=6))
     uneven[3]["before"] = 7
     write_records(tmp_path / "new" / weight_manifolds.TABLE, uneven)
     with pytest.raises(ValueError, match=r"manifolds.csv: design 162 has \[6, 7\] as before; it must be one number"):
-        reality_gap.tell(Data(tmp_path / "new"), tmp_path / "new-out")
+        reality_gap.rewrite(Data(tmp_path / "new"), tmp_path / "new-out")
 
 
 @pytest.mark.kernels

@@ -7,7 +7,7 @@ import numpy as np
 
 from optim.experiments.study import Count, Several
 from optim.studies.beyond.body_and_learning.study import STUDY as WALKERS
-from optim.studies.beyond.body_and_learning.study import BodyAndLearning, tell_as
+from optim.studies.beyond.body_and_learning.study import BodyAndLearning, rewrite_as
 from robots.inflatable import InflatableGeometry
 from robots.inflatable.actuation import ACTUATION
 from robots.inflatable.pouch import GAIN, feeling_pouch
@@ -57,6 +57,6 @@ STUDY = replace(
         "medium": PouchesAndLearning(),
         "full": PouchesAndLearning(bodies=128, controllers=1024, repetitions=10, budget=256),
     },
-    tell=partial(tell_as, PouchesAndLearning),
+    rewrite=partial(rewrite_as, PouchesAndLearning),
     cost="about 60 hours of a core; medium takes two hours",
 )

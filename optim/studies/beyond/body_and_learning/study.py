@@ -86,7 +86,7 @@ def study(folder: Path, settings: BodyAndLearning, progress: Progress = None, jo
     _report(folder, rows, settings)
 
 
-def tell_as(kind: type[BodyAndLearning], data: Data, folder: Path) -> None:
+def rewrite_as(kind: type[BodyAndLearning], data: Data, folder: Path) -> None:
     """Write what goes with what, and the picture, from the rows of bodies of a kind."""
     counts = ("body", "voxels", "all", "any", *(f"{name}_solved" for name in LEARNERS))
     columns = {**dict.fromkeys(counts, int), **dict.fromkeys(("M_L", "M_CI", "felt", *LEARNERS), float)}
@@ -148,7 +148,7 @@ STUDY = Study(
         "full": BodyAndLearning(bodies=128, controllers=1024, repetitions=10, budget=256),
     },
     run=study,
-    tell=partial(tell_as, BodyAndLearning),
+    rewrite=partial(rewrite_as, BodyAndLearning),
     writes=(TABLE, "table.md", "summary.json", "evaluations.png"),
     cost="about 20 hours of a core",
 )

@@ -250,7 +250,7 @@ def study(folder: Path, settings: UniversalControl, progress: Progress = None, j
     _report(folder, settings, rows, peak)
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write ``table.md``, ``summary.json`` and the picture from the table of trainings."""
     rows = data.records(TABLE, COLUMNS, "arm")
     _report(folder, data.settings(UniversalControl), rows, data.count("peak_memory"))
@@ -298,7 +298,7 @@ STUDY = Study(
         "full": UniversalControl(trained=2000, gradients=5000, seeds=10),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("table.md", TABLE, "summary.json", PICTURE),
     cost="about 15 hours of a core; medium takes one",
 )

@@ -79,7 +79,7 @@ def study(folder: Path, settings: EvolvingBodies, progress: Progress = None, job
     write_report(folder, rows, found, settings.describe())
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write the report from the rows of bodies and loops."""
     counts = dict.fromkeys(("seed", *(f"{name}_solved" for name in LEARNERS)), int)
     bodies = data.records(TABLE, {"arm": tuple(ARMS), **counts, **dict.fromkeys(BODY_COLUMNS, float)}, "arm")
@@ -117,7 +117,7 @@ STUDY = Study(
         ),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=(TABLE, LOOPS_TABLE, "table.md", "summary.json", "evolving.png"),
     cost="about a day of a core",
 )

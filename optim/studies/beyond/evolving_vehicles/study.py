@@ -154,7 +154,7 @@ def study(folder: Path, settings: EvolvingVehicles, progress: Progress = None, j
     write_report(folder, bodies, loops, settings.describe())
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write tables and the picture from the rows of bodies and loops."""
     counts = dict.fromkeys(("seed", *(f"{name}_solved" for name in LEARNED)), int)
     bodies = data.records(BODIES, {"arm": tuple(ARMS), **counts, **dict.fromkeys(COLUMNS, float)}, "arm")
@@ -172,7 +172,7 @@ STUDY = Study(
         "full": EvolvingVehicles(30, 32, 30, 256, 121, 256, 10, 16, 8, 5000),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=(BODIES, LOOPED, "table.md", "summary.json", PICTURE),
     cost="about 8 hours of a core",
 )

@@ -107,7 +107,7 @@ MEASURES = ("start_a", "start_b", "learned_a", "learned_b", "final_a", "final_b"
 NEEDED = ("first", "again")
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write what explains what bodies forgot, and the picture, from both tables; that of runs may lack starts."""
     metrics = dict.fromkeys(("M_CI", "M_L"), float)
     texts: dict[str, Kind] = {"robot": tuple(FAMILIES), "method": tuple(METHODS), "level": tuple(LEVELS)}
@@ -248,7 +248,7 @@ STUDY = Study(
         "full": Forgetting(Effort(50, **_FULL), Effort(30, **_FULL), Effort(20, **_FULL)),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=(TABLE, MEASURED, "table.md", "summary.json", "forgetting.png"),
     cost="about 30 hours of a core",
 )

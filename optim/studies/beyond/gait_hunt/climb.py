@@ -65,7 +65,7 @@ def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 
         progress(1.0)
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write ``summary.json``, ``table.md`` and ``climb.png`` from the tables of seeds and steps."""
     about: dict[str, Kind] = {**dict.fromkeys(("seed", "evaluations"), int), "robot_steps": float, "stays": bool}
     rows = data.records(TABLES[0], {**about, "found_by": str | None, **FOUND})
@@ -192,7 +192,7 @@ STUDY = Study(
         "full": Climb((0, 1, 2, 3, 4)),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=FILES,
     cost="15 h of CPU time",
 )

@@ -99,7 +99,7 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
         progress(1.0)
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write ``summary.json``, ``table.md`` and ``hunt.png`` from the tables of runs and generations."""
     about: dict[str, Kind] = {"search": tuple(SEARCHES), "seed": int, "robot_steps": float}
     rows = data.records(TABLES[0], {**about, "evaluations": int, **FOUND})
@@ -235,7 +235,7 @@ STUDY = Study(
         "full": Hunt(300, (0, 1, 2, 3, 4)),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=FILES,
     cost="20 h of CPU time",
 )

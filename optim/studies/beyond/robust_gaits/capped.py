@@ -127,7 +127,7 @@ def _report(folder: Path, settings: Mapping[str, Any], draws: Sequence[Record]) 
     write_text(folder / "table.md", text)
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write page and summary from the table of draws."""
     draws = data.records(DRAWS, DRAWN)
     if min(sum(row["draw"] >= 0 for row in where(draws, full=row["full"], slope=row["slope"])) for row in draws) < 2:
@@ -156,7 +156,7 @@ STUDY = Study(
         "full": replace(MEDIUM, slopes=(0.0, 5.0, 9.0, 12.0, 14.0), draws=8, begins=BLADDERS, budget=100e6),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=FILES,
     cost="30 h of CPU time; medium takes one",
 )

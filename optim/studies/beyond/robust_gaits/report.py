@@ -44,7 +44,7 @@ PLAYED: dict[str, Kind] = {
 }
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write table, page, figure and summary from the tables of waves and draws, and from gaits.
 
     Nothing is told of the settings where their file is missing, nor of the bladders of a gait whose file is.

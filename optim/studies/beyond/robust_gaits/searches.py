@@ -205,7 +205,7 @@ def study(folder: Path, settings: RobustSearches, progress: Progress = None, job
     _report(folder, settings, [row for row in rows if (row["ground"], row["search"], row["seed"]) in settings.runs])
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write the table and ``summary.json`` from the table of runs."""
     settings = data.settings(RobustSearches)
     columns = {**COLUMNS, "ground": tuple(map(GROUND.format, settings.slopes))}
@@ -317,7 +317,7 @@ STUDY = Study(
         "full": RobustSearches(seconds=3600.0, seeds=5, arms=tuple(ARMS), slopes=(0.0, 9.0, 14.0), held_out=64),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=FILES,
     cost="five days of one core; medium takes four hours",
 )

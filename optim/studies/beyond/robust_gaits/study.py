@@ -20,7 +20,7 @@ from optim.experiments.results import Progress
 from optim.experiments.study import Study
 from optim.experiments.tables import write_records
 from optim.studies.beyond.robust_gaits.judgement import judged, on_rig
-from optim.studies.beyond.robust_gaits.report import DRAWS, GAITS, INCHING_BOUNDS, RIG, SCREEN, report, tell
+from optim.studies.beyond.robust_gaits.report import DRAWS, GAITS, INCHING_BOUNDS, RIG, SCREEN, report, rewrite
 from optim.studies.beyond.robust_gaits.search import flat_walk, kept, led_up, screened
 from optim.studies.beyond.robust_gaits.settings import NAME, RobustGaits
 from optim.studies.chapter5.gaits import repeated
@@ -105,7 +105,7 @@ STUDY = Study(
         ),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=FILES,
     cost="40 h of CPU time",
 )

@@ -286,7 +286,7 @@ def study(folder: Path, settings: SenseAndSwitch, progress: Progress = None, job
     _report(folder, settings, *tables, folder)
 
 
-def tell(data: Data, folder: Path) -> None:
+def rewrite(data: Data, folder: Path) -> None:
     """Write table, summary and figure from the tables; without panels of a course where no run is kept beside them."""
     settings = data.settings(SenseAndSwitch)
     rows, gaits = data.records(TABLE, WENT), data.records(GAITS, SEARCHED)
@@ -360,7 +360,7 @@ STUDY = Study(
         "full": SenseAndSwitch(seeds=10, generations=150, further=100, trained=16, held_out=64, cycles=60),
     },
     run=study,
-    tell=tell,
+    rewrite=rewrite,
     writes=("table.md", TABLE, EVENTS, GAITS, "summary.json", "course.png"),
     cost="about three hours of a core; medium takes 20 minutes",
 )
