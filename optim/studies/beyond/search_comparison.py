@@ -17,9 +17,9 @@ from optim.experiments.comparison import compare, describe_times, ranked
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from optim.experiments.results import Progress, write_json
+from optim.experiments.search_evaluations import computed_searches, record_searches
 from optim.experiments.study import Study
 from optim.experiments.tables import Record, column, where, write_records
-from optim.experiments.trials import computed_trials, record_trials
 from optim.plots.curves import draw_share_solved
 from optim.studies.chapter4 import co_optimisation
 from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
@@ -44,7 +44,7 @@ COLUMNS: dict[str, Kind] = {
     "problem": tuple(PROBLEMS),
     "method": tuple(LABELS),
     "seed": int,
-    "evaluations": int,  # -1 of trials that failed
+    "evaluations": int,  # -1 of searches that failed
     "cost": int,
 }
 
@@ -69,42 +69,42 @@ def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> 
     for name, (_, given, _) in PROBLEMS.items():
         for label, (method, own) in methods[name].items():
             problem = settings.problem("environments" if method == "borg" else "total", **given)
-            trial = problem, method, own, settings.seeds, settings.budget
-            arms[f"{name}_{label}"] = partial(record_trials, *trial, until_solved=True)
-    found = computed_trials(results, arms, progress)
+            search = problem, method, own, settings.seeds, settings.budget
+            arms[f"{name}_{label}"] = partial(record_searches, *search, until_solved=True)
+    found = computed_searches(results, arms, progress)
     environments, rows = len(settings.task.starts), list[Record]()
     for name in PROBLEMS:
         for label in methods[name]:
-            trials = found[f"{name}_{label}"]
-            each = zip(settings.seeds, trials.first(environments), trials.cost(environments), strict=True)
+            recorded = found[f"{name}_{label}"]
+            each = zip(settings.seeds, recorded.first(environments), recorded.cost(environments), strict=True)
             rows += [dict(zip(COLUMNS, (name, label, *row), strict=True)) for row in each]
     write_records(folder / TABLE, rows)
     _report(folder, settings.budget, rows)
 
 
 def rewrite(data: Data, folder: Path) -> None:
-    """Write ``summary.json`` and the figure from the table of trials."""
+    """Write ``summary.json`` and the figure from the table of searches."""
     _report(folder, data.count("budget"), data.records(TABLE, COLUMNS, "problem", "method"))
 
 
 def _report(folder: Path, budget: int, rows: Sequence[Record]) -> None:
-    """Write ``summary.json`` and the figure, which follow from the table of trials."""
+    """Write ``summary.json`` and the figure, which follow from the table of searches."""
     summary: dict[str, Any] = {"budget": budget, "evaluations": {}, "cost": {}, "tests": {}}
     for name in PROBLEMS:
         own = {method: where(rows, problem=name, method=method) for method in LABELS}
         for kind in ("evaluations", "cost"):
-            each = {method: describe_times(column(trials, kind), budget) for method, trials in own.items()}
-            if kind == "cost":  # trials that failed cost more than the budget of evaluations
+            each = {method: describe_times(column(runs, kind), budget) for method, runs in own.items()}
+            if kind == "cost":  # searches that failed cost more than the budget of evaluations
                 each = {m: {k: v for k, v in row.items() if not k.startswith("mean")} for m, row in each.items()}
             summary[kind][name] = each
-        ranks = {method: ranked(column(trials, "evaluations"), budget) for method, trials in own.items()}
+        ranks = {method: ranked(column(runs, "evaluations"), budget) for method, runs in own.items()}
         summary["tests"][name] = compare(ranks, PAIRS, "less")
     write_json(folder / "summary.json", summary)
     _draw(rows, budget, folder / "search-comparison.png")
 
 
 def _draw(rows: Sequence[Record], budget: int, path: Path) -> None:
-    """Share of the trials that have solved all, against evaluations; dotted, of gradients, against their cost."""
+    """Share of the searches that have solved all, against evaluations; dotted, of gradients, against their cost."""
     with figure(path, PAGE, 2.8, ncols=len(PROBLEMS), sharey=True) as (drawn, panels):
         for axes, (name, (title, _, _)) in zip(panels[0], PROBLEMS.items(), strict=True):
             for (method, label), colour in zip(LABELS.items(), (*COLOURS[:4], COLOURS[-1]), strict=True):

@@ -23,9 +23,9 @@ from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, COLUMN, figure
 from optim.experiments.results import Progress, cached, write_json
+from optim.experiments.search_evaluations import SearchEvaluations, computed_searches, record_searches
 from optim.experiments.study import Count, Settings, Several, Study, Whole
 from optim.experiments.tables import Record, column, where, write_records
-from optim.experiments.trials import SearchEvaluations, computed_trials, record_trials
 from optim.measures.overlap import learnability_of, resistance_of
 from optim.measures.pareto import non_dominated
 from optim.plots.fronts import draw_points
@@ -148,7 +148,7 @@ class PreOptimisation(Settings):
     threads: Threads = None  # of the CPU; changes no result
 
 
-def front_of(trials: Sequence[SearchEvaluations]) -> list[Record]:
+def front_of(searches: Sequence[SearchEvaluations]) -> list[Record]:
     """The non-dominated designs of several searches together, by falling effort.
 
     Returns:
@@ -156,7 +156,7 @@ def front_of(trials: Sequence[SearchEvaluations]) -> list[Record]:
         how many environments are ``solved``.
     """
     points, objectives, solved = (
-        np.concatenate([getattr(each, name)[0] for each in trials]) for name in ("points", "objectives", "solved")
+        np.concatenate([getattr(each, name)[0] for each in searches]) for name in ("points", "objectives", "solved")
     )
     _, first = np.unique(objectives, axis=0, return_index=True)
     chosen = first[non_dominated(objectives[first])]
@@ -173,14 +173,14 @@ def study(folder: Path, settings: PreOptimisation, progress: Progress = None) ->
     results = ResultsFolder(folder, "rover-pre-optimisation", about)
     runs = {name: [f"{name}_{run}" for run in range(settings.runs)] for name in problems}
     arms = {
-        run: partial(record_trials, problems[name], "borg", BORG, [seed], settings.budget)
+        run: partial(record_searches, problems[name], "borg", BORG, [seed], settings.budget)
         for name, each in runs.items()
         for seed, run in enumerate(each, settings.seed)
     }
-    trials = computed_trials(results, arms, progress)
+    searches = computed_searches(results, arms, progress)
     rows = []
     for name, each in runs.items():
-        for row in front_of([trials[run] for run in each]):
+        for row in front_of([searches[run] for run in each]):
             judged = {"controller": name, **{key: row[key] for key in ("distance", "effort", "solved")}}
             rows.append({**judged, **problems[name].named(row["point"])})
     bases = _bases(rows)

@@ -21,9 +21,15 @@ from optim.experiments.comparison import compare, describe_times, quartiles, ran
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logarithmic
 from optim.experiments.results import Part, Progress, computed, write_json
+from optim.experiments.search_evaluations import (
+    NOTHING,
+    SearchEvaluations,
+    computed_searches,
+    first_time,
+    record_searches,
+)
 from optim.experiments.study import Count, Settings, Several, Study, Whole
 from optim.experiments.tables import Record, column, where, write_table
-from optim.experiments.trials import NOTHING, SearchEvaluations, computed_trials, first_time, record_trials
 from optim.measures.statistics import mean_band
 from optim.plots.curves import draw_band
 from optim.problems.braitenberg import VehicleProblem
@@ -41,7 +47,7 @@ ARMS: dict[str, tuple[str, dict[str, Any]]] = {
     "baseline_full": ("baseline body, four weights", {"body": BASELINE, "controller": "full"}),
 }
 PAIRS = (("co_optimised", "baseline"), ("co_optimised", "baseline_full"))
-AT_LEAST = 5  # solved trials for a mean over them
+AT_LEAST = 5  # solved searches for a mean over them
 TIMES, SOLVED = "evaluations-until-all-solved.csv", "environments-solved.csv"
 COURSE, CHANGES, ENDS = "homeostasis.csv.gz", "homeostasis-changes.csv", "homeostasis-at-the-end.csv"
 TIMES_OF_TRIALS = ("first_point_solving_all", "reported_solves_all_from", "solved_at_the_end")
@@ -90,14 +96,14 @@ class CoOptimisation(Settings):
 def solved_tables(
     settings: CoOptimisation, found: Mapping[str, SearchEvaluations], reported: Mapping[str, Ints]
 ) -> Tables:
-    """When each trial solved all, and how many environments are solved after each evaluation, with a band.
+    """When each search solved all, and how many environments are solved after each evaluation, with a band.
 
-    ``reported`` is the number of the point that each trial would report after each evaluation, shape (R, B).
+    ``reported`` is the number of the point that each search would report after each evaluation, shape (R, B).
     """
     environments, times, curves = len(settings.task.starts), list[Record](), list[Record]()
-    for arm, trials in found.items():
-        solved = trials.of_points(trials.solved, reported[arm], 0)
-        first = trials.first(environments), first_time(solved == environments)
+    for arm, searches in found.items():
+        solved = searches.of_points(searches.solved, reported[arm], 0)
+        first = searches.first(environments), first_time(solved == environments)
         each = zip(settings.seeds, *first, solved[:, -1], strict=True)
         times += [dict(zip(TABLES[TIMES], (arm, *row), strict=True)) for row in each]
         course = np.stack([solved.mean(axis=0), *mean_band(solved)], axis=1).tolist()
@@ -105,22 +111,22 @@ def solved_tables(
     return {TIMES: times, SOLVED: curves}
 
 
-def distances_of_reported(problem: VehicleProblem, trials: SearchEvaluations, reported: Ints, _: Progress) -> Arrays:
-    """Distances, from decimated signals, of everything that trials reported: ``raw``, ``normalised``, shape (R, B).
+def distances_of_reported(problem: VehicleProblem, searches: SearchEvaluations, reported: Ints, _: Progress) -> Arrays:
+    """Distances, from decimated signals, of everything that searches reported: ``raw``, ``normalised``, shape (R, B).
 
     They are those of points, NaN for all that were never reported.
     """
-    shown = np.zeros(trials.solved.shape, bool)
+    shown = np.zeros(searches.solved.shape, bool)
     rows, columns = np.nonzero(reported != NOTHING)
     shown[rows, reported[rows, columns]] = True
-    return distances_of(problem, trials.points, shown, decimation(problem.task))
+    return distances_of(problem, searches.points, shown, decimation(problem.task))
 
 
-def distances_at_the_end(problem: VehicleProblem, trials: SearchEvaluations, reported: Ints, _: Progress) -> Arrays:
-    """Distances, from full signals, of what trials report in the end and that solves all; NaN where it does not."""
+def distances_at_the_end(problem: VehicleProblem, searches: SearchEvaluations, reported: Ints, _: Progress) -> Arrays:
+    """Distances, from full signals, of what searches report in the end and that solves all; NaN where it does not."""
     rows, last = np.arange(len(reported)), reported[:, -1]
-    chosen = (last != NOTHING) & (trials.solved[rows, last] == len(problem.task.starts))
-    return distances_of(problem, trials.points[rows, last], chosen)
+    chosen = (last != NOTHING) & (searches.solved[rows, last] == len(problem.task.starts))
+    return distances_of(problem, searches.points[rows, last], chosen)
 
 
 def homeostasis_tables(
@@ -130,10 +136,10 @@ def homeostasis_tables(
     folder: ResultsFolder,
     progress: Progress,
 ) -> Tables:
-    """The course of the distances, the first and the last of each trial, and those of full signals in the end."""
+    """The course of the distances, the first and the last of each search, and those of full signals in the end."""
     parts: dict[str, Part] = {}
-    for arm, trials in found.items():
-        given = settings.problem(**ARMS[arm][1]), trials, reported[arm]
+    for arm, searches in found.items():
+        given = settings.problem(**ARMS[arm][1]), searches, reported[arm]
         parts[f"course_{arm}"] = partial(distances_of_reported, *given)
         parts[f"end_{arm}"] = partial(distances_at_the_end, *given)
     shape = {"course": (settings.runs, settings.budget), "end": (settings.runs,)}
@@ -141,10 +147,10 @@ def homeostasis_tables(
     check = {name: partial(check_arrays, dict.fromkeys(MEASURES, distance[name.split("_")[0]])) for name in parts}
     distances = computed(folder, parts, progress, "{}", check)
     tables: Tables = {COURSE: [], CHANGES: [], ENDS: []}
-    for arm, trials in found.items():
-        solved = trials.of_points(trials.solved, reported[arm], 0) == len(settings.task.starts)
+    for arm, searches in found.items():
+        solved = searches.of_points(searches.solved, reported[arm], 0) == len(settings.task.starts)
         for name in MEASURES:
-            values = trials.of_points(distances[f"course_{arm}"][name], reported[arm], np.nan)
+            values = searches.of_points(distances[f"course_{arm}"][name], reported[arm], np.nan)
             for solutions, shown in (("all", values), ("solved", np.where(solved, values, np.nan))):
                 about = {"arm": arm, "signals": name, "solutions": solutions}
                 tables[COURSE] += [{**about, **row} for row in _curve(shown)]
@@ -156,7 +162,7 @@ def homeostasis_tables(
 
 
 def _curve(values: Floats) -> list[dict[str, Any]]:
-    """Mean over the trials that have a value, with its band, and their median, after each evaluation."""
+    """Mean over the searches that have a value, with its band, and their median, after each evaluation."""
     rows = []
     for n, each in enumerate(values.T, 1):
         there = each[np.isfinite(each)]
@@ -168,7 +174,7 @@ def _curve(values: Floats) -> list[dict[str, Any]]:
 
 
 def first_and_last(values: Floats, seeds: Sequence[int]) -> list[dict[str, Any]]:
-    """The first and the last value of each trial that has any, NaN where there is none, shape (R, B)."""
+    """The first and the last value of each search that has any, NaN where there is none, shape (R, B)."""
     return [
         {"seed": seed, "first": float(known[0]), "last": float(known[-1])}
         for seed, known in ((seed, each[np.isfinite(each)]) for seed, each in zip(seeds, values, strict=True))
@@ -177,10 +183,10 @@ def first_and_last(values: Floats, seeds: Sequence[int]) -> list[dict[str, Any]]
 
 
 def compare_first_and_last(rows: Sequence[Record]) -> dict[str, Any]:
-    """Compare the first and the last solution that each trial reports, see :func:`first_and_last`.
+    """Compare the first and the last solution that each search reports, see :func:`first_and_last`.
 
     Returns:
-        Medians, trials in which the distance fell and rose, and p of the two-sided Wilcoxon signed-rank test.
+        Medians, searches in which the distance fell and rose, and p of the two-sided Wilcoxon signed-rank test.
     """
     from scipy.stats import wilcoxon  # slow to import
 
@@ -200,11 +206,11 @@ def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> 
     """Write ``summary.json``, curves and raw data as CSV, and the figures."""
     results = ResultsFolder(folder, "co-optimisation", {**settings.describe(), "borg": BORG})
     arms = {
-        arm: partial(record_trials, settings.problem(**given), "borg", BORG, settings.seeds, settings.budget)
+        arm: partial(record_searches, settings.problem(**given), "borg", BORG, settings.seeds, settings.budget)
         for arm, (_, given) in ARMS.items()
     }
-    found = computed_trials(results, arms, part_of(progress, 0, 2))
-    reported = {arm: trials.reported(BORG["epsilons"]) for arm, trials in found.items()}
+    found = computed_searches(results, arms, part_of(progress, 0, 2))
+    reported = {arm: searches.reported(BORG["epsilons"]) for arm, searches in found.items()}
     tables = {
         **solved_tables(settings, found, reported),
         **homeostasis_tables(settings, found, reported, results, part_of(progress, 1, 2)),
@@ -258,7 +264,7 @@ def _of_times(times: Sequence[Record], curves: Sequence[Record], environments: i
 
 
 def _of_homeostasis(tables: Tables) -> dict[str, Any]:
-    """How distances change from the first to the last solution of trials, and those in the end, with tests."""
+    """How distances change from the first to the last solution of searches, and those in the end, with tests."""
     course: dict[str, Any] = {}
     for arm, name in product(ARMS, MEASURES):
         own = where(tables[CHANGES], arm=arm, signals=name)

@@ -22,9 +22,9 @@ from optim.experiments.comparison import compare, describe_times, quartiles
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logarithmic
 from optim.experiments.results import Progress, cached, computed, write_json
+from optim.experiments.search_evaluations import NOTHING, SearchEvaluations, computed_searches, record_searches
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, column, where, write_records
-from optim.experiments.trials import NOTHING, SearchEvaluations, computed_trials, record_trials
 from optim.measures import learnability, resistance
 from optim.problem import Evaluation
 from optim.problems.braitenberg import VehicleProblem
@@ -110,13 +110,13 @@ class HomeostasisObjective(Settings):
 def reported(
     settings: HomeostasisObjective, found: Mapping[str, SearchEvaluations], folder: ResultsFolder
 ) -> dict[str, Floats]:
-    """Points that each way reports, shape (R, D); NaN in the rows of trials that solved nothing.
+    """Points that each way reports, shape (R, D); NaN in the rows of searches that solved nothing.
 
     With the objective and with selection it is the most homeostatic solution that was evaluated, by decimated signals,
     without them the member of the archive with the largest sum.
     """
     own, without, with_it = settings.searches, found["without"], found["with"]
-    solved, solved_with_it = (trials.solved == len(own.task.starts) for trials in (without, with_it))
+    solved, solved_with_it = (searches.solved == len(own.task.starts) for searches in (without, with_it))
     last = without.reported(BORG["epsilons"])[:, -1]
     last = np.where((last != NOTHING) & solved[np.arange(len(last)), last], last, NOTHING)
 
@@ -141,8 +141,8 @@ def _largest(values: Floats, allowed: Bools) -> Ints:
     return np.where(np.isfinite(shown).any(axis=1), shown.argmax(axis=1), NOTHING)
 
 
-def _points(trials: SearchEvaluations, chosen: Ints) -> Floats:
-    points = trials.points[np.arange(len(chosen)), np.maximum(chosen, 0)]
+def _points(searches: SearchEvaluations, chosen: Ints) -> Floats:
+    points = searches.points[np.arange(len(chosen)), np.maximum(chosen, 0)]
     return np.where((chosen == NOTHING)[:, None], np.nan, points)
 
 
@@ -171,18 +171,18 @@ def study(folder: Path, settings: HomeostasisObjective, progress: Progress = Non
     boxes = [*[BORG["epsilons"]] * len(vehicle.objective_names), BOX]
     homeostatic = HomeostasisProblem(vehicle, settings.samples), "borg", {**BORG, "epsilons": boxes}
     arms = {
-        "without": partial(record_trials, vehicle, "borg", BORG, own.seeds, own.budget),
-        "with": partial(record_trials, *homeostatic, own.seeds, own.budget),
+        "without": partial(record_searches, vehicle, "borg", BORG, own.seeds, own.budget),
+        "with": partial(record_searches, *homeostatic, own.seeds, own.budget),
     }
-    found = computed_trials(results, arms, part_of(progress, 0, 2))
+    found = computed_searches(results, arms, part_of(progress, 0, 2))
     points = reported(settings, found, results)
     parts = {way: partial(judge, settings, each, folder / "sweep") for way, each in points.items()}
     check = partial(check_arrays, dict.fromkeys(OUTCOMES, Allowed((own.runs,), 0.0, failed=np.nan)))
     outcomes = computed(results, parts, part_of(progress, 1, 2), "judged_{}", check)
     times = [
         {"way": way, "seed": seed, "evaluations": evaluations}
-        for way, trials in found.items()
-        for seed, evaluations in zip(own.seeds, trials.first(len(own.task.starts)).tolist(), strict=True)
+        for way, searches in found.items()
+        for seed, evaluations in zip(own.seeds, searches.first(len(own.task.starts)).tolist(), strict=True)
     ]
     header = ("way", "seed", *OUTCOMES, *vehicle.space.names)
     rows = [
@@ -217,13 +217,13 @@ def _report(folder: Path, budget: int, times: Sequence[Record], rows: Sequence[R
 
 
 def _known(rows: Sequence[Record], way: str, name: str) -> Floats:
-    """An outcome of a way, of the trials that have it."""
+    """An outcome of a way, of the searches that have it."""
     values = column(where(rows, way=way), name)
     return values[np.isfinite(values)]
 
 
 def draw(rows: Sequence[Record], path: Path) -> None:
-    """Every outcome of every trial, with medians, a panel each."""
+    """Every outcome of every search, with medians, a panel each."""
     with figure(path, PAGE, 2.2, ncols=len(OUTCOMES)) as (drawn, panels):
         for axes, (name, label) in zip(panels.flat, OUTCOMES.items(), strict=True):
             for place, ((way, meaning), colour) in enumerate(zip(LABELS.items(), COLOURS, strict=False)):

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from optim.experiments.data import Data
+from optim.experiments.search_evaluations import SearchEvaluations
 from optim.experiments.tables import read_records, read_table, write_records
-from optim.experiments.trials import SearchEvaluations
 from optim.studies.catalogue import STUDIES as CATALOGUE
 from optim.studies.chapter3 import rover_pre_optimisation, rover_success, rover_sweep
 from optim.studies.chapter3.rover_pre_optimisation import PreOptimisation, RoverProblem, front_of

@@ -1,4 +1,4 @@
-"""Trials: all evaluations of searches with several seeds, in order, and when they found solutions."""
+"""All evaluations of searches with several seeds, in order, and when they found solutions."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,8 +18,8 @@ from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.checks import within
 from taichi_sim.base.results_folder import ResultsFolder
 
-MOST_ENVIRONMENTS = 4  # that points of a trial can solve
-NOTHING = -1  # where a trial has ended, or has found nothing yet
+MOST_ENVIRONMENTS = 4  # that points of a search can solve
+NOTHING = -1  # where a search has ended, or has found nothing yet
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +33,12 @@ class SearchEvaluations:
 
     @property
     def arrays(self) -> Arrays:
-        """Arrays of the trials by name, to be saved in a file; ``SearchEvaluations(**arrays)`` are the same again."""
+        """Arrays of the searches by name, to be saved in a file; ``SearchEvaluations(**arrays)`` are the same again."""
         return dict(vars(self))
 
     @property
     def evaluations(self) -> Ints:
-        """Number of evaluations of each trial, shape (R,)."""
+        """Number of evaluations of each search, shape (R,)."""
         return np.count_nonzero(self.solved != NOTHING, axis=1)
 
     def first(self, environments: int = 4) -> Ints:
@@ -52,9 +52,9 @@ class SearchEvaluations:
         return np.where(first > 0, np.cumsum(each, axis=1)[np.arange(len(first)), first - 1], NOTHING)
 
     def reported(self, epsilons: ArrayLike) -> Ints:
-        """Number of the point that each trial would report after each evaluation, shape (R, B).
+        """Number of the point that each search would report after each evaluation, shape (R, B).
 
-        It is -1 while all have failed, and after the end of a trial.
+        It is -1 while all have failed, and after the end of a search.
 
         Source: dissertation, chapter 4: the member of the archive with the largest sum of objectives; the archive is
         that of boxes with these sides.
@@ -62,13 +62,13 @@ class SearchEvaluations:
         count, budget, size = self.points.shape
         sides = np.broadcast_to(np.asarray(epsilons, float), self.objectives.shape[2]).copy()
         found = np.full((count, budget), NOTHING)
-        for trial in range(count):
+        for search in range(count):
             archive = EpsilonArchive.empty(sides, size)
-            for n in range(int(self.evaluations[trial])):
-                if not np.isnan(self.objectives[trial, n]).any():
-                    archive, _ = archive.with_point(self.points[trial, n], self.objectives[trial, n], n)
+            for n in range(int(self.evaluations[search])):
+                if not np.isnan(self.objectives[search, n]).any():
+                    archive, _ = archive.with_point(self.points[search, n], self.objectives[search, n], n)
                 if len(archive.labels):
-                    found[trial, n] = archive.labels[np.argmax(archive.objectives.sum(axis=1))]
+                    found[search, n] = archive.labels[np.argmax(archive.objectives.sum(axis=1))]
         return found
 
     def of_points(self, values: NDArray[Any], chosen: Ints, missing: float) -> NDArray[Any]:
@@ -82,7 +82,7 @@ def first_time(happens: Bools) -> Ints:
     return np.where(happens.any(axis=1), happens.argmax(axis=1) + 1, NOTHING)
 
 
-def record_trials(
+def record_searches(
     problem: Evaluator,
     method: str,
     settings: Mapping[str, Any],
@@ -101,15 +101,15 @@ def record_trials(
     def evaluate(_: Sequence[BudgetedSearch], request: Request) -> Evaluation:
         return evaluate_request(problem, request)
 
-    def observe(trial: int, asked: Floats, evaluation: Evaluation) -> bool:
+    def observe(search: int, asked: Floats, evaluation: Evaluation) -> bool:
         if not objectives:
             objectives.append(np.full((*size, evaluation.objectives.shape[1]), np.nan))
-        first = np.count_nonzero(solved[trial] != NOTHING)
+        first = np.count_nonzero(solved[search] != NOTHING)
         part = slice(first, first + len(asked))
-        points[trial, part], objectives[0][trial, part] = asked, evaluation.objectives
-        solved[trial, part] = np.where(evaluation.failed, 0, evaluation.details["solved"])
-        with_gradient[trial, part] = evaluation.gradients is not None
-        return until_solved and bool((solved[trial, part] == environments).any())
+        points[search, part], objectives[0][search, part] = asked, evaluation.objectives
+        solved[search, part] = np.where(evaluation.failed, 0, evaluation.details["solved"])
+        with_gradient[search, part] = evaluation.gradients is not None
+        return until_solved and bool((solved[search, part] == environments).any())
 
     methods = [build_method(method, problem.space, {**settings, "seed": seed}) for seed in seeds]
     check_fit(methods[0], problem)
@@ -118,17 +118,17 @@ def record_trials(
 
 
 def _check(arrays: Arrays) -> None:
-    """Refuse trials of a file that no search can have made."""
+    """Refuse evaluations of a file that no search can have made."""
     for name, axes in {"points": 3, "objectives": 3, "solved": 2, "with_gradient": 2}.items():
         if arrays[name].ndim != axes or arrays[name].shape[:2] != arrays["solved"].shape:
             raise ValueError(f"{name}: shape {arrays[name].shape} does not fit {arrays['solved'].shape} of solved")
     within("solved", arrays["solved"], NOTHING, MOST_ENVIRONMENTS)
 
 
-def computed_trials(
+def computed_searches(
     folder: ResultsFolder | None, arms: Mapping[str, Callable[..., SearchEvaluations]], progress: Progress
 ) -> dict[str, SearchEvaluations]:
-    """Load or run the trials of every arm of a study, each :func:`record_trials` with all but ``progress``."""
+    """Load or run the searches of every arm of a study, each a :func:`record_searches` with all but ``progress``."""
 
     def arrays(run: Callable[..., SearchEvaluations], progress: Progress) -> Arrays:
         return run(progress=progress).arrays
