@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from optim.experiments.tables import Record, column, read_records, where, write_records
+from optim.experiments.tables import Record, column, read_records, select, write_records
 from optim.measures.statistics import mean_interval
 from optim.problem import Request, evaluate_request
 from optim.problems.robot import RobotProblem
@@ -57,17 +57,17 @@ def main() -> None:
     problem = RobotProblem(robot, (Terrain(),), precision="f32", threads=1)
     for seed in range(given.starts):
         for way, sharpest in WAYS.items():
-            if not where(rows, seed=seed, way=way):
+            if not select(rows, seed=seed, way=way):
                 rows.append({"seed": seed, "way": way, **climb(problem, sharpest, seed)})
                 write_records(path, rows)
     for way in WAYS:
-        mixtures, *others = (column(where(rows, way=way), name) for name in ("mixture", "rounded", "built"))
+        mixtures, *others = (column(select(rows, way=way), name) for name in ("mixture", "rounded", "built"))
         told = []
         for name, speeds in zip(("next to it", "in the end"), others, strict=True):
             low, high = mean_interval(speeds)
             told.append(f"{name} {speeds.mean():.3f} ({low:.3f} to {high:.3f})")
         print(f"{way}: mixture {mixtures.mean():.3f}, {', '.join(told)}; n = {len(mixtures)}")
-    ends = [column(where(rows, way=way), "built") for way in WAYS]
+    ends = [column(select(rows, way=way), "built") for way in WAYS]
     low, high = mean_interval(ends[0] - ends[1])
     print(f"in the end with continuation, less without: {np.mean(ends[0] - ends[1]):.3f} ({low:.3f} to {high:.3f})")
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.tables import Record, column, markdown, page, read_records, where, write_records
+from optim.experiments.tables import Record, column, markdown, page, read_records, select, write_records
 from optim.measures.statistics import mean_interval
 from robots.inflatable import load_design, simulate
 from robots.inflatable.actuation import ACTUATION
@@ -62,9 +62,9 @@ def table_of(rows: Sequence[Record]) -> str:
     """Mean speeds with their intervals, a row for each gait and slope."""
     lines = []
     for name, slope in CASES:
-        own = where(rows, gait=name, slope=slope)
+        own = select(rows, gait=name, slope=slope)
         if own:
-            each = [column(where(own, weight=w, floor=f), "speed") for w, f in product(WEIGHTS, FRICTION)]
+            each = [column(select(own, weight=w, floor=f), "speed") for w, f in product(WEIGHTS, FRICTION)]
             lines.append((f"{name}, {slope}°", *(f"{speeds.mean():.4f} ± {half_width(speeds):.4f}" for speeds in each)))
     weights = {"published": "no weight", "physical": "weight"}
     floors = [f"{floor}, {told}" for told in weights.values() for floor in FRICTION]
@@ -89,7 +89,7 @@ def main() -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     rows: list[Record] = list(read_records(path)) if path.exists() else []
     for name, slope in CASES:
-        if not where(rows, gait=name, slope=slope):
+        if not select(rows, gait=name, slope=slope):
             print(f"{name} on {slope} degrees", flush=True)
             rows += played(name, slope, given.copies)
             write_records(path, rows)

@@ -4,7 +4,7 @@ import re
 
 from reproduction_rows import DOCS, PAGE, Row, band, percent, reproduced, summary
 
-from optim.experiments.tables import where
+from optim.experiments.tables import select
 from optim.measures.statistics import mean_interval
 from optim.studies.chapter5.metrics import STUDY as METRICS
 from optim.studies.chapter5.sensitivity import UNCHANGED, Sensitivity
@@ -19,7 +19,7 @@ def gaits() -> list[Row]:
     fixed = {"share": "100 %", "command": reproduced("slope-sweep"), "seeds": "0, of starts"}
     published = {("rolling", 0): 0.1753, ("rolling", 15): -0.5743, ("inching", 0): 0.0603, ("inching", 15): 0.0246}
     for (gait, slope), value in published.items():
-        (own,) = where(slopes["rows"], gait=gait, slope=float(slope))
+        (own,) = select(slopes["rows"], gait=gait, slope=float(slope))
         speed[gait, slope] = own["mean"]
         inside = own["lowest"] <= value <= own["highest"]
         here, n = (
@@ -100,7 +100,7 @@ def _hardware() -> list[Row]:
     same = {key: best[key] for key in ("timing", "weight", "inflation", "ground")}
     agrees = f"within a factor of {found['agrees_within']}, in the best of {len(found['sets'])} settings"
     for condition, value in measured.items():
-        (own,) = (row for row in where(found["rows"], condition=condition, **same) if row["mean"] == best[condition])
+        (own,) = (row for row in select(found["rows"], condition=condition, **same) if row["mean"] == best[condition])
         rows.append(
             Row(
                 f"hardware: {condition} [BL/s]",

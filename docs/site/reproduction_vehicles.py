@@ -6,7 +6,7 @@ from reproduction_rows import Row, band, data, percent, reproduced, summary
 from scipy import stats
 
 from optim.experiments.data import Kind
-from optim.experiments.tables import where
+from optim.experiments.tables import select
 from optim.studies.chapter3.sensor_placement import correlation_of_metrics
 from optim.studies.chapter3.sweep_table import SweepTable, read_sweep_table
 from optim.studies.chapter4.training import metric_correlations, read_training_table
@@ -19,7 +19,7 @@ def interference() -> list[Row]:
     kinds: dict[str, Kind] = {**dict.fromkeys(("definition", "measure", "fitness", "robot"), str), "runs": int}
     kinds |= {**dict.fromkeys(("mean", "low", "high"), float), "published": float | None}
     means = {
-        n: where(data("interference", n).records("tables.csv", kinds), definition="defined") for n in ("two", "four")
+        n: select(data("interference", n).records("tables.csv", kinds), definition="defined") for n in ("two", "four")
     }
     runs = {n: means[n][0]["runs"] for n in means}
     order = "morpholab interference --runs 5 --generations 400"
@@ -41,7 +41,7 @@ def interference() -> list[Row]:
     }
     rows = []
     for (lights, fitness), differs in why.items():
-        own = [where(means[lights], measure="M1", fitness=fitness, robot=robot)[0] for robot in ROBOTS]
+        own = [select(means[lights], measure="M1", fitness=fitness, robot=robot)[0] for robot in ROBOTS]
         what = f"M1 [m] by {fitness}, {lights} lights: {', '.join(ROBOTS)}"
         published, here = ", ".join(f"{row['published']:.2f}" for row in own), ", ".join(band(row, 2) for row in own)
         rows.append(
@@ -55,7 +55,7 @@ def interference() -> list[Row]:
     rows.append(Row(what, "27 means", here, f"{runs['two']} runs", share["two"], order, "0 to 4", differs))
     names: dict[str, Kind] = dict.fromkeys(("definition", "measure", "first", "second"), str)
     tests = data("interference", "two").records("tests.csv", names)
-    (pair,) = where(tests, definition="defined", measure="M1", first="min legged", second="min whegged")
+    (pair,) = select(tests, definition="defined", measure="M1", first="min legged", second="min whegged")
     here = f"p = {pair['p']:.3f}, {pair['p_bonferroni']:.2f} after Bonferroni; A12 = {pair['A12']:.2g}"
     differs = f"{sum(t['p_bonferroni'] < 0.05 for t in tests)} of {len(tests)} tests survive: with five runs none can"
     what = "whegged nearer than legged robots, by min, two lights"
@@ -68,7 +68,7 @@ def _at_3000_generations(kinds: dict[str, Kind]) -> list[Row]:
     found = data("interference-at-3000").records("tables.csv", {**kinds, "deviation": float})
     rows = []
     for fitness, robot in dict.fromkeys((row["fitness"], row["robot"]) for row in found):
-        own = where(found, definition="defined", fitness=fitness, robot=robot)
+        own = select(found, definition="defined", fitness=fitness, robot=robot)
         runs, bands, within = own[0]["runs"], [], 0
         for row in own:
             half = stats.t.ppf(0.975, runs - 1) * row["deviation"] / math.sqrt(runs)
@@ -90,9 +90,9 @@ def _alone() -> list[Row]:
     rows, few = list[Row](), "morpholab interference --alone --runs 5 --precision f32"
     alone = data("interference").records("alone.csv", {"robot": str, "distance": float, "generations": int})
     for robot in ROBOTS:
-        every = where(alone, robot=robot)
+        every = select(alone, robot=robot)
         generations = max(row["generations"] for row in every)
-        own = where(every, generations=generations)
+        own = select(every, generations=generations)
         near = sum(row["distance"] <= 0.5 for row in own)
         differs = "slow: it still comes nearer" if near < len(own) else "nothing"
         command = f"{few} --robots {robot} --generations {generations}"
@@ -168,7 +168,7 @@ def rover() -> list[Row]:
         ("canonical", "1, 0.000068, 0.00052", "nothing"),
         ("best", "57, 0.0039, 0.038", "one controller: contact is another solver's"),
     ):
-        (own,) = where(success, body=body, model="rigid bodies")
+        (own,) = select(success, body=body, model="rigid bodies")
         here = f"{own['solving_4']}, {own['M_L']:.2g}, {own['M_CF']:.2g}"
         what, n = f"rover, {body} body: controllers that solve all, M_L, M_CF", f"{own['controllers']} controllers"
         rows.append(Row(what, published, here, n, "100 %", reproduced("rover-success"), "none: a grid", differs))

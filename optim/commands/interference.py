@@ -45,9 +45,9 @@ def run(args: argparse.Namespace) -> Report:
     from optim.studies.chapter2.settings import FITNESS, HILL_CLIMB, LIGHTS, ROBOTS, Interference, treatments
     from optim.studies.chapter2.study import files_of, train
 
-    where: Any = options.compute(args, "f64")
+    compute: Any = options.compute(args, "f64")
     lights = LIGHTS[args.environments]
-    settings = Interference(lights, args.population, args.steps, args.variant, where.precision, where.device)
+    settings = Interference(lights, args.population, args.steps, args.variant, compute.precision, compute.device)
     robots = args.robots or tuple(ROBOTS)
     chosen = treatments(robots, args.fitness or tuple(FITNESS), args.trainers or (HILL_CLIMB,))
     alone = None

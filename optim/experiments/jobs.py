@@ -13,8 +13,8 @@ from typing import Any
 from optim.experiments.results import Progress
 from optim.runs.workers.processes import ProcessWorker, how_it_ended, start_process
 from optim.runs.workers.service import Raised, portable, thread_environment
-from taichi_sim.base import compute
 from taichi_sim.base.checks import whole_number
+from taichi_sim.base.compute import available_threads
 
 Task = Callable[[Mapping[str, Any], Progress], object]  # called with options of simulations, and told its progress
 LAST_WORK = 30.0  # s, for a process that is done: it keeps the kernels that it has compiled
@@ -22,13 +22,13 @@ Message = float | Raised | None  # the fraction done; what a task raised; it is 
 
 
 def run_parallel(
-    tasks: Sequence[tuple[str, Task]], jobs: int, where: Mapping[str, Any], progress: Progress = None
+    tasks: Sequence[tuple[str, Task]], jobs: int, compute: Mapping[str, Any], progress: Progress = None
 ) -> None:
     """Do parts of a study in several processes, before the study gathers their results; one job does nothing here.
 
     Args:
         tasks: names and functions that can be pickled, and leave their results where the study looks for them.
-        where: options of simulations; without ``threads``, each process has its part of the machine's.
+        compute: options of simulations; without ``threads``, each process has its part of the machine's.
 
     Raises:
         ValueError: for fewer than one job.
@@ -38,8 +38,8 @@ def run_parallel(
     whole_number("jobs", jobs, 1)
     if jobs == 1:
         return
-    threads = max(1, compute.available_threads() // max(1, min(jobs, len(tasks))))
-    environment, shared = thread_environment(threads), {"threads": threads, **where}
+    threads = max(1, available_threads() // max(1, min(jobs, len(tasks))))
+    environment, shared = thread_environment(threads), {"threads": threads, **compute}
     done = [0.0] * len(tasks)
     waiting, running = list(range(len(tasks))), dict[int, ProcessWorker]()
     try:
@@ -74,10 +74,10 @@ def _receive(worker: ProcessWorker, name: str) -> float | None:
     return message
 
 
-def _work(task: Task, where: Mapping[str, Any], pipe: "Connection[Message, None]") -> None:
+def _work(task: Task, compute: Mapping[str, Any], pipe: "Connection[Message, None]") -> None:
     """Do a task in a process and report to the parent."""
     try:
-        task(where, pipe.send)
+        task(compute, pipe.send)
     except Exception as error:
         pipe.send(Raised(portable(error)))
     else:

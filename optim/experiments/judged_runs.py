@@ -11,7 +11,7 @@ import numpy as np
 from optim.experiments.equal_cost import Contest
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress
-from optim.experiments.tables import Record, read_records, where, write_records
+from optim.experiments.tables import Record, read_records, select, write_records
 from optim.problem import Minibatch, Problem, Request, Wants, evaluate_request
 from optim.problems.robot import RobotProblem
 from optim.runs.history import read_history
@@ -73,7 +73,7 @@ class JudgedRuns:
     def _holds(self, rows: Sequence[Record], run: Run) -> bool:
         subject, search, seed = run
         about = {self.subject: subject, "search": search, "seed": seed}
-        return bool(where(rows, **about, seconds=self.seconds))
+        return bool(select(rows, **about, seconds=self.seconds))
 
 
 def warm_up(problem: Problem, gradients: bool) -> None:

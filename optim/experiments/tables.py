@@ -23,7 +23,7 @@ _WHOLE, _DECIMAL = re.compile("-?(?:0|[1-9][0-9]{0,99})"), re.compile(r"-?[0-9]+
 _NAMED = {"True": True, "False": False, "None": None}
 
 
-def where(records: Iterable[Record], **values: Any) -> list[Record]:
+def select(records: Iterable[Record], **values: Any) -> list[Record]:
     """Choose the records that have these values."""
     return [record for record in records if all(record[name] == value for name, value in values.items())]
 

@@ -44,11 +44,11 @@ class Hill:
         )
 
 
-def search(folder, hunt, name, seed, where, progress):
+def search(folder, hunt, name, seed, compute, progress):
     """A run of the hunt, with the stand-in for the simulator in whatever process it is; a file tells which."""
     before, simulation.simulate = simulation.simulate, Hill()
     try:
-        found = _search(folder, hunt, name, seed, where, progress)
+        found = _search(folder, hunt, name, seed, compute, progress)
     finally:
         simulation.simulate = before
     (folder / "runs" / f"{name}-{seed}" / str(os.getpid())).touch()

@@ -6,10 +6,10 @@ import time
 import warnings
 
 
-def leave(folder, name, where, progress):
+def leave(folder, name, compute, progress):
     """A file with the options and the process, half way and at the end."""
     progress(0.5)
-    (folder / name).write_text(f"{where['threads']} {os.environ['OMP_NUM_THREADS']} {os.getpid()}")
+    (folder / name).write_text(f"{compute['threads']} {os.environ['OMP_NUM_THREADS']} {os.getpid()}")
     return name
 
 
@@ -20,24 +20,24 @@ class Wordy(ValueError):
         super().__init__(f"{field}: {why}")
 
 
-def warn(folder, where, progress):
+def warn(folder, compute, progress):
     """Something that users may want to know."""
     warnings.warn("kite: it has\nno tail", stacklevel=1)
 
 
-def refuse(folder, where, progress):
+def refuse(folder, compute, progress):
     """Bad input that shows late."""
     _until_another_waits(folder)
     raise ValueError("kite: it does not fly")
 
 
-def stumble(folder, where, progress):
+def stumble(folder, compute, progress):
     """An error that does not travel."""
     _until_another_waits(folder)
     raise Wordy("kite", "it fell")
 
 
-def die(folder, where, progress):
+def die(folder, compute, progress):
     """As the kernel ends what takes too much memory."""
     _until_another_waits(folder)
     os.kill(os.getpid(), signal.SIGKILL)
@@ -48,7 +48,7 @@ def _until_another_waits(folder):
         time.sleep(0.01)
 
 
-def wait(folder, where, progress):
+def wait(folder, compute, progress):
     """For longer than any test."""
     (folder / str(os.getpid())).touch()
     time.sleep(600)

@@ -34,9 +34,9 @@ from optim.experiments.tables import (
     mean_with_interval,
     page,
     read_records,
+    select,
     write_records,
 )
-from optim.experiments.tables import where as chosen
 from optim.measures.statistics import known_mean
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import read_history
@@ -165,7 +165,7 @@ def _gait(folder: Path, body: str, seed: int) -> Path:
 
 
 def _search(
-    folder: Path, settings: Enumeration, body: str, seed: int, where: Mapping[str, Any], progress: Progress
+    folder: Path, settings: Enumeration, body: str, seed: int, compute: Mapping[str, Any], progress: Progress
 ) -> None:
     """Run a search, if it is not complete."""
     contest, name = settings.contest(body, seed, folder), _file(body)
@@ -208,7 +208,7 @@ def _found(folder: Path, settings: Enumeration, body: str, seed: int) -> Record:
 
 def _report(folder: Path, about: Mapping[str, Any], rows: Sequence[Record]) -> None:
     """Write ``summary.json`` and ``table.md``, which follow from the runs and what is ``about`` all of them."""
-    every = {body: column(chosen(rows, body=body), "speed") for body in distinct(rows, "body")}
+    every = {body: column(select(rows, body=body), "speed") for body in distinct(rows, "body")}
     bodies = {body: speeds for body, speeds in every.items() if body != EVOLVED}
     by_number = {count: _of_number(bodies, count) for count in range(BLADDERS + 1)}
     found: dict[str, Any] = {
@@ -217,7 +217,7 @@ def _report(folder: Path, about: Mapping[str, Any], rows: Sequence[Record]) -> N
         "bodies": {body: _of_runs(bodies[body]) for body in sorted(bodies, key=lambda b: -bodies[b].mean())},
     }
     if EVOLVED in every:
-        layouts = [row["found"] for row in chosen(rows, body=EVOLVED)]
+        layouts = [row["found"] for row in select(rows, body=EVOLVED)]
         found[EVOLVED] = {**_of_runs(every[EVOLVED]), "each": every[EVOLVED].tolist(), "layouts": layouts}
     write_json(folder / "summary.json", found)
     write_text(folder / "table.md", page(*_tables(found, bodies, every.get(EVOLVED))))

@@ -22,7 +22,7 @@ from optim.experiments.jobs import run_parallel
 from optim.experiments.judged_runs import warm_up
 from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Count, Settings, Study, some_of
-from optim.experiments.tables import Record, between, cell, column, distinct, markdown, page, where, write_records
+from optim.experiments.tables import Record, between, cell, column, distinct, markdown, page, select, write_records
 from optim.measures.statistics import known_mean, ratio_of_means
 from optim.problems.robot import RobotProblem
 from optim.runs.history import read_history
@@ -89,7 +89,7 @@ class Comparison(Settings):
     def has_rows(self, run: tuple[str, str, int], rows: Sequence[Record]) -> bool:
         """Whether rows tell what a run had found at every time."""
         problem, arm, seed = run
-        known = {row["seconds"] for row in where(rows, problem=problem, search=arm, seed=seed)}
+        known = {row["seconds"] for row in select(rows, problem=problem, search=arm, seed=seed)}
         return known >= set(self.marks(problem))
 
     def contest(self, problem: str, folder: Path) -> Contest:
@@ -107,7 +107,7 @@ def designed(name: str) -> RobotProblem:
     return RobotProblem(problem.robot, (problem.terrain,), precision="f32", threads=1)
 
 
-def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
+def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: int = 1, **compute: Any) -> None:
     """Write what runs have found, tables, and what follows from them; runs go on where they ended.
 
     Runs that are whole in the tables of the folder are not run again.
@@ -116,9 +116,9 @@ def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: i
     known = [_read(folder / name, what) if (folder / name).exists() else [] for what, name in TABLES.items()]
     missing = [run for run in settings.runs if not settings.has_rows(run, known[0])]
     tasks = [("-".join(map(str, run)), partial(_task, folder, settings, run)) for run in missing]
-    run_parallel(tasks, jobs, where, progress and part_of(progress, 0, 10, 9))
+    run_parallel(tasks, jobs, compute, progress and part_of(progress, 0, 10, 9))
     for number, (run, (_, task)) in enumerate(zip(missing, tasks, strict=True)):
-        task(where, None)
+        task(compute, None)
         about = dict(zip(("problem", "search", "seed"), run, strict=True))
         for place, what in enumerate(TABLES):
             others = [row for row in known[place] if any(row[name] != value for name, value in about.items())]
@@ -150,7 +150,7 @@ def _kept(folder: Path, problem: str, arm: str, seed: int, what: str = "run") ->
 
 
 def _task(
-    folder: Path, settings: Comparison, run: tuple[str, str, int], where: Mapping[str, Any], progress: Progress
+    folder: Path, settings: Comparison, run: tuple[str, str, int], compute: Mapping[str, Any], progress: Progress
 ) -> None:
     """Run a search, and judge what it had found at each time, if that is not done."""
     problem, name, seed = run
@@ -204,9 +204,9 @@ def _curve(contest: Contest, problem: str, name: str, seed: int) -> list[Record]
 def _report(folder: Path, share: float, rows: Sequence[Record], trials: Sequence[Record]) -> None:
     """Write ``summary.json``, ``table.md`` and a figure, which follow from the tables of runs and of trials."""
     found = {
-        f"{problem}-{seconds:g}": _summary(where(rows, problem=problem, seconds=seconds))
+        f"{problem}-{seconds:g}": _summary(select(rows, problem=problem, seconds=seconds))
         for problem in distinct(rows, "problem")
-        for seconds in distinct(where(rows, problem=problem), "seconds")
+        for seconds in distinct(select(rows, problem=problem), "seconds")
     }
     kept = kept_speeds(rows, trials, of_kind(ARMS, ARMS, True))
     write_json(folder / "summary.json", {"share": share, "problems": found, "kept": kept})
@@ -220,8 +220,8 @@ def _report(folder: Path, share: float, rows: Sequence[Record], trials: Sequence
 def _summary(rows: Sequence[Record]) -> dict[str, Any]:
     """Searches of a problem after one time, and the best with gradients over the best without."""
     problem, seconds = rows[0]["problem"], rows[0]["seconds"]
-    speeds = {name: column(where(rows, search=name), "speed") for name in distinct(rows, "search")}
-    searches = {name: _search(values, where(rows, search=name)) for name, values in speeds.items()}
+    speeds = {name: column(select(rows, search=name), "speed") for name in distinct(rows, "search")}
+    searches = {name: _search(values, select(rows, search=name)) for name, values in speeds.items()}
     best = {
         kind: max(of_kind(ARMS, speeds, kind), key=lambda n: searches[n]["mean"], default="") for kind in (True, False)
     }

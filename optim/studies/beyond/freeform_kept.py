@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.tables import Record, column, distinct, markdown, where
+from optim.experiments.tables import Record, column, distinct, markdown, select
 
 START = "start"  # what the trials from noisy starts are called; others have the name of what was changed
 
@@ -33,14 +33,14 @@ def kept_speeds(runs: Sequence[Record], trials: Sequence[Record], searches: Coll
     singles: list[float] = []
     for run, row in last.items():
         each = tried.get((*run, row["seconds"]), [])
-        starts = column(where(each, trial=START), "speed")
+        starts = column(select(each, trial=START), "speed")
         if row["score"] is None or not len(starts) or not (speed := float(np.median(starts))) > 0:
             continue
         parts += [{"trial": trial["trial"], "part": trial["speed"] / speed} for trial in each]
         singles.append(abs(row["score"] / speed - 1))
     if not singles:
         return {}
-    by_trial = {name: column(where(parts, trial=name), "part") for name in distinct(parts, "trial")}
+    by_trial = {name: column(select(parts, trial=name), "part") for name in distinct(parts, "trial")}
     return {
         "designs": len(singles),
         "starts": float(np.abs(by_trial.pop(START) - 1).max()),

@@ -25,7 +25,7 @@ from optim.experiments.equal_cost import Arm, Contest, Entry, Point, of_kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, check_runs, write_json
 from optim.experiments.study import Count, Settings, Study, some_of
-from optim.experiments.tables import Record, cell, column, markdown, page, read_records, where, write_records
+from optim.experiments.tables import Record, cell, column, markdown, page, read_records, select, write_records
 from optim.measures.statistics import effect, holm, known_mean, mann_whitney
 from optim.problem import Request, evaluate_request
 from optim.problems.inflatable.problem import GaitProblem
@@ -166,14 +166,14 @@ class Comparison(Settings):
         return Contest(entries, "cpu", SHARES[world] * self.seconds, folder / "runs" / world, lambda line: None)
 
 
-def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
+def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: int = 1, **compute: Any) -> None:
     """Write runs, the best gait of each, tables, and what follows from them; runs go on where they ended."""
     check_runs(folder, NAME, TABLES, FILES, settings.lasting("seconds", "seeds", "worlds", "arms"))
     tasks = [("-".join(map(str, run)), partial(_task, folder, settings, run)) for run in settings.runs]
-    run_parallel(tasks, jobs, where, progress and part_of(progress, 0, 10, 9))
+    run_parallel(tasks, jobs, compute, progress and part_of(progress, 0, 10, 9))
     rows, curves = list[Record](), list[Record]()
     for number, (run, (_, task)) in enumerate(zip(settings.runs, tasks, strict=True)):
-        task(where, None)
+        task(compute, None)
         row, curve = _found(folder, settings, *run)
         rows.append(row)
         curves.extend(curve)
@@ -207,7 +207,7 @@ def _warm_up(settings: Comparison, gradients: bool) -> None:
 
 
 def _task(
-    folder: Path, settings: Comparison, run: tuple[str, str, int], where: Mapping[str, Any], progress: Progress
+    folder: Path, settings: Comparison, run: tuple[str, str, int], compute: Mapping[str, Any], progress: Progress
 ) -> None:
     """Run a search, and replay what it has found, if that is not done."""
     world, name, seed = run
@@ -283,9 +283,9 @@ def _rounded(point: Point) -> Record:
 
 def _report(folder: Path, about: Mapping[str, Any], rows: Sequence[Record], curves: Sequence[Record]) -> None:
     """Write ``summary.json`` and ``table.md``, which follow from the tables and what is ``about`` all runs."""
-    budgets = {world: SHARES[world] * about["seconds"] for world in WORLDS if where(rows, world=world)}
+    budgets = {world: SHARES[world] * about["seconds"] for world in WORLDS if select(rows, world=world)}
     summary = {
-        world: _summary(where(rows, world=world), where(curves, world=world), budget)
+        world: _summary(select(rows, world=world), select(curves, world=world), budget)
         for world, budget in budgets.items()
     }
     write_json(folder / "summary.json", {**about, "worlds": summary})
@@ -300,12 +300,12 @@ PARTS = (0.25, 0.5, 0.75, 1.0)  # of the budget, at which the best of both kinds
 
 def _summary(rows: Sequence[Record], curves: Sequence[Record], budget: float) -> dict[str, Any]:
     """Searches of a world, and the best of those with gradients beside the best without; the budget is CPU time [s]."""
-    speeds = {name: column(where(rows, search=name), "speed") for name in ARMS if where(rows, search=name)}
-    searches = {name: _search(speeds[name], where(rows, search=name)) for name in speeds}
+    speeds = {name: column(select(rows, search=name), "speed") for name in ARMS if select(rows, search=name)}
+    searches = {name: _search(speeds[name], select(rows, search=name)) for name in speeds}
     courses = {
-        name: [_course(where(curves, search=name, seed=seed), budget) for seed in seeds]
+        name: [_course(select(curves, search=name, seed=seed), budget) for seed in seeds]
         for name in speeds
-        if (seeds := [row["seed"] for row in where(rows, search=name)])
+        if (seeds := [row["seed"] for row in select(rows, search=name)])
     }
     for name, each in courses.items():
         searches[name]["course"] = [_finite(value) for value in np.median(np.array(each), axis=0)]

@@ -18,7 +18,7 @@ from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
 from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search, save_best
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Count, Settings, Several, Study
-from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
+from optim.experiments.tables import Record, cell, column, distinct, markdown, page, select
 from optim.measures.statistics import difference_of_means, known_mean
 from optim.problems.robot import RobotProblem
 from robots.lattice_robot.presets import light_seeker
@@ -164,14 +164,14 @@ def _judged(folder: Path, settings: LightSeeking, run: Run) -> Record:
 
 def _report(folder: Path, settings: LightSeeking, rows: Sequence[Record]) -> None:
     """Write ``summary.json`` and ``table.md``, which follow from the table of runs."""
-    found = {arm: _summary(where(rows, search=arm), settings) for arm in distinct(rows, "search")}
+    found = {arm: _summary(select(rows, search=arm), settings) for arm in distinct(rows, "search")}
     told: dict[str, Any] = {"settings": settings.describe(), "searches": found}
     best = {
         kind: max(of_kind(ARMS, found, kind), key=lambda name: found[name]["share"], default="")
         for kind in (True, False)
     }
     if all(best.values()) and min(each["seeds"] for each in found.values()) > 1:
-        gradient, other = (column(where(rows, search=best[kind]), "reached") for kind in (True, False))
+        gradient, other = (column(select(rows, search=best[kind]), "reached") for kind in (True, False))
         told["advantage"] = {
             "of": best[True],
             "over": best[False],

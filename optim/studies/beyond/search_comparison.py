@@ -19,7 +19,7 @@ from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from optim.experiments.results import Progress, write_json
 from optim.experiments.search_evaluations import computed_searches, record_searches
 from optim.experiments.study import Study
-from optim.experiments.tables import Record, column, where, write_records
+from optim.experiments.tables import Record, column, select, write_records
 from optim.plots.curves import draw_share_solved
 from optim.studies.chapter4 import co_optimisation
 from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
@@ -91,7 +91,7 @@ def _report(folder: Path, budget: int, rows: Sequence[Record]) -> None:
     """Write ``summary.json`` and the figure, which follow from the table of searches."""
     summary: dict[str, Any] = {"budget": budget, "evaluations": {}, "cost": {}, "tests": {}}
     for name in PROBLEMS:
-        own = {method: where(rows, problem=name, method=method) for method in LABELS}
+        own = {method: select(rows, problem=name, method=method) for method in LABELS}
         for kind in ("evaluations", "cost"):
             each = {method: describe_times(column(runs, kind), budget) for method, runs in own.items()}
             if kind == "cost":  # searches that failed cost more than the budget of evaluations
@@ -109,7 +109,7 @@ def _draw(rows: Sequence[Record], budget: int, path: Path) -> None:
         for axes, (name, (title, _, _)) in zip(panels[0], PROBLEMS.items(), strict=True):
             for (method, label), colour in zip(LABELS.items(), (*COLOURS[:4], COLOURS[-1]), strict=True):
                 for kind, style in (("evaluations", "-"), ("cost", ":"))[: 2 if method == "gradient" else 1]:
-                    values = column(where(rows, problem=name, method=method), kind)
+                    values = column(select(rows, problem=name, method=method), kind)
                     line: Any = {"ls": style, "color": colour, "label": label + ", by cost" * (kind == "cost")}
                     draw_share_solved(axes, values[values > 0], len(values), budget, **line)
             axes.set_title(title)

@@ -17,7 +17,7 @@ from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
 from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search, save_best
 from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Count, Settings, Study, some_of
-from optim.experiments.tables import MISSING, Record, cell, column, distinct, markdown, page, where
+from optim.experiments.tables import MISSING, Record, cell, column, distinct, markdown, page, select
 from optim.measures.statistics import known_mean
 from optim.problems.robot import RobotProblem
 from optim.problems.task import problem_of_task
@@ -120,7 +120,7 @@ def _judged(folder: Path, settings: Solving, run: Run) -> Record:
 
 def _report(folder: Path, seconds: float, rows: Sequence[Record]) -> None:
     """Write ``summary.json`` and ``table.md``, which follow from the table of runs."""
-    found = {task: _summary(where(rows, task=task)) for task in distinct(rows, "task")}
+    found = {task: _summary(select(rows, task=task)) for task in distinct(rows, "task")}
     write_json(folder / "summary.json", {"seconds": seconds, "tasks": found})
     write_text(folder / "table.md", page(_table(found)))
 
@@ -131,13 +131,13 @@ def _summary(rows: Sequence[Record]) -> dict[str, Any]:
     problem = problem_of_task(task)
     searches = {}
     for arm in distinct(rows, "search"):
-        own = [row for row in where(rows, search=arm) if row["objective"] is not None]
+        own = [row for row in select(rows, search=arm) if row["objective"] is not None]
         searches[arm] = {
             "label": ARMS[arm].label,
-            "seeds": len(where(rows, search=arm)),
+            "seeds": len(select(rows, search=arm)),
             **known_mean(column(own, "objective")),
-            "succeeded": int(column(where(rows, search=arm), "succeeded").sum()),
-            "evaluations": float(np.median(column(where(rows, search=arm), "evaluations"))),
+            "succeeded": int(column(select(rows, search=arm), "succeeded").sum()),
+            "evaluations": float(np.median(column(select(rows, search=arm), "evaluations"))),
         }
     (objective,) = problem.objective_names
     about = {"title": task.title, "robot": task.source, "variables": len(problem.space.names)}

@@ -18,7 +18,7 @@ from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
 from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search, save_best
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Count, Settings, Several, Study, some_of
-from optim.experiments.tables import Record, between, cell, column, distinct, markdown, page, where
+from optim.experiments.tables import Record, between, cell, column, distinct, markdown, page, select
 from optim.measures.statistics import known_mean, ratio_of_means
 from optim.problems.robot import RobotProblem
 from robots.freeform.grid import Grid
@@ -139,20 +139,20 @@ def _judged(folder: Path, settings: UncertainWalking, run: Run) -> Record:
 
 def _report(folder: Path, settings: UncertainWalking, rows: Sequence[Record]) -> None:
     """Write ``summary.json`` and ``table.md``, which follow from the table of runs."""
-    told = {robot: _of_robot(where(rows, robot=robot)) for robot in distinct(rows, "robot")}
+    told = {robot: _of_robot(select(rows, robot=robot)) for robot in distinct(rows, "robot")}
     write_json(folder / "summary.json", {"settings": settings.describe(), "robots": told})
     write_text(folder / "table.md", page(*[part for robot, one in told.items() for part in _table(robot, one)]))
 
 
 def _of_robot(rows: Sequence[Record]) -> dict[str, Any]:
     """What the searches of a robot found, and how the best along gradients compares with the best without."""
-    found = {arm: _summary(where(rows, search=arm)) for arm in distinct(rows, "search")}
+    found = {arm: _summary(select(rows, search=arm)) for arm in distinct(rows, "search")}
     told: dict[str, Any] = {"variables": len(ROBOTS[rows[0]["robot"]]().parameters), "searches": found}
     best = [
         max(of_kind(ARMS, found, kind), key=lambda name: found[name]["speed"], default="") for kind in (True, False)
     ]
     if all(best) and min(each["seeds"] for each in found.values()) > 1:
-        gradient, other = (column(where(rows, search=name), "speed") for name in best)
+        gradient, other = (column(select(rows, search=name), "speed") for name in best)
         if other.mean() > 0:
             ratio, low, high = ratio_of_means(gradient, other)
             told["advantage"] = {"of": best[0], "over": best[1], "ratio": ratio, "low": low, "high": high}

@@ -10,7 +10,7 @@ import numpy as np
 
 from optim.experiments.data import Data, Kind
 from optim.experiments.results import Progress
-from optim.experiments.tables import Record, column, distinct, where, write_records
+from optim.experiments.tables import Record, column, distinct, select, write_records
 from optim.studies.chapter2.evolution import Runs, by_treatment, evolve
 from optim.studies.chapter2.settings import ROBOTS, ROWS, Interference, Treatment
 from optim.studies.chapter2.tables import measure
@@ -99,13 +99,13 @@ def read_traces(data: Data, environments: int) -> list[Record]:
                 told = f"row {number} has {row[name]:g} as {name}"
                 raise ValueError(f"{path}: {told}; it must be from {-FARTHEST:g} to {FARTHEST:g} m")
     for place in dict.fromkeys((row["fitness"], row["robot"]) for row in rows):
-        own, named = where(rows, fitness=place[0], robot=place[1]), " ".join(place)
+        own, named = select(rows, fitness=place[0], robot=place[1]), " ".join(place)
         found, runs = distinct(own, "environment"), distinct(own, "run")
         if sorted(found) != list(range(environments)) or len(runs) > 1:
             told = f"{named} has environments {found} of runs {runs}"
             raise ValueError(f"{path}: {told}; give all {environments} environments from 0 on of one run")
         for environment in found:
-            if not (np.diff(column(where(own, environment=environment), "time")) > 0).all():
+            if not (np.diff(column(select(own, environment=environment), "time")) > 0).all():
                 raise ValueError(f"{path}: {named} goes back in time in environment {environment}; sort its rows")
     return rows
 
@@ -162,7 +162,7 @@ def write_alone(rows: Sequence[Record], out: Path) -> list[dict[str, Any]]:
     write_records(out / "alone.csv", [{name: row[name] for name in COLUMNS} for row in rows])
     summary = []
     for robot, x, y, generations in dict.fromkeys((r["robot"], r["x"], r["y"], r["generations"]) for r in rows):
-        part = where(rows, robot=robot, x=x, y=y, generations=generations)
+        part = select(rows, robot=robot, x=x, y=y, generations=generations)
         means = {name: float(column(part, name).mean()) for name in MEANS}
         about = {"robot": robot, "light": [x, y], "runs": len(part), "generations": generations}
         summary.append({**about, **means})

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.experiments.data import Data, Kind
-from optim.experiments.tables import column, distinct, where, write_table
+from optim.experiments.tables import column, distinct, select, write_table
 from optim.measures.catastrophic_interference import RunMeasures
 from optim.measures.statistics import mean_band
 from optim.studies.chapter2.evolution import Runs
@@ -68,8 +68,8 @@ def read_curves(data: Data) -> dict[Place, Floats]:
     """Read what :func:`write_curves` wrote; raises ValueError if a generation is missing, or one has two rows."""
     every, curves = data.records(FILE, COLUMNS), dict[Place, Floats]()
     for row in distinct(every, "fitness"):
-        for robot in distinct(own := where(every, fitness=row), "robot"):
-            each = [where(own, robot=robot, quantity=quantity) for quantity in QUANTITIES]
+        for robot in distinct(own := select(every, fitness=row), "robot"):
+            each = [select(own, robot=robot, quantity=quantity) for quantity in QUANTITIES]
             for quantity, rows in zip(QUANTITIES, each, strict=True):
                 if [one["generation"] for one in rows] != list(range(max(map(len, each)))):
                     told = f"{row} {robot} has {len(rows)} rows of {quantity}"

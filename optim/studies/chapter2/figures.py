@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from optim.experiments.data import Data
 from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic, save_arrays
-from optim.experiments.tables import Record, column, where, write_records
+from optim.experiments.tables import Record, column, select, write_records
 from optim.plots.curves import draw_band
 from optim.studies.chapter2.curves import Mutations
 from optim.studies.chapter2.settings import ROBOTS, ROWS, Lights, Place
@@ -172,9 +172,9 @@ def draw_traces(traces: Sequence[Record], lights: Lights, path: Path) -> None:
     size = PAGE, 0.6 + (6.2 / len(columns) * min(height / width, TALLEST) + 0.15) * len(rows)
     with _grid_of_treatments(places, path, size, ("x [m]", "y [m]")) as (_, panels):
         for row, robot in places:
-            axes, own = panels[row, robot], where(traces, fitness=row, robot=robot)
+            axes, own = panels[row, robot], select(traces, fitness=row, robot=robot)
             for n, (x, y) in enumerate(lights):
-                line = _positions(where(own, environment=n))
+                line = _positions(select(own, environment=n))
                 axes.plot(x, y, "*", color="#E69F00", ms=10, mec="0.3", mew=0.4, zorder=3)
                 axes.plot(*line.T, color=PATHS[robot], lw=0.8, ls=("-", "--", "-.", ":")[n % 4])
                 axes.plot(*line[-1], "o", color=PATHS[robot], ms=3)

@@ -152,8 +152,8 @@ class Interference(Settings):
 
     def _options(self, threads: int | None) -> dict[str, Any]:
         """Options of simulations."""
-        where = {"precision": self.precision, "device": self.device, "threads": threads}
-        return {"variant": VARIANTS[self.variant], "steps": self.steps, **where}
+        compute = {"precision": self.precision, "device": self.device, "threads": threads}
+        return {"variant": VARIANTS[self.variant], "steps": self.steps, **compute}
 
 
 def controllers(points: Floats) -> Floats:

@@ -12,7 +12,7 @@ from typing import Any
 from optim.experiments.data import Data
 from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Count, Settings, Study, StudyReport, StudySection
-from optim.experiments.tables import read_table, where
+from optim.experiments.tables import read_table, select
 from optim.studies.chapter2.champions import COLUMNS as ALONE
 from optim.studies.chapter2.champions import (
     champions_of,
@@ -137,7 +137,7 @@ def rewrite(data: Data, folder: Path) -> None:
         summary = write_tables(runs, environments, told, {"runs": 1 + max(row["run"] for row in runs)})
         if part.has("likeness.csv"):
             rows = part.records("likeness.csv", LIKENESS)
-            found = {quantity: cells_of(where(rows, quantity=quantity), "value") for quantity in QUANTITIES}
+            found = {quantity: cells_of(select(rows, quantity=quantity), "value") for quantity in QUANTITIES}
             _add_likeness(summary, found, told)
         _draw(part, LIGHTS[environments], told)
     alone = write_alone(data.records("alone.csv", ALONE), folder)

@@ -14,7 +14,7 @@ import numpy as np
 
 from optim.experiments.data import Kind
 from optim.experiments.results import write_json
-from optim.experiments.tables import MISSING, Record, column, distinct, markdown, where, write_records, write_table
+from optim.experiments.tables import MISSING, Record, column, distinct, markdown, select, write_records, write_table
 from optim.measures.catastrophic_interference import RunMeasures, measure_run, measure_run_as_computed
 from optim.measures.statistics import bonferroni, effect, mean_band
 from optim.studies.chapter2.evolution import Runs
@@ -133,7 +133,7 @@ def write_tables(runs: Sequence[Record], environments: int, out: Path, about: Ma
     """
     rows, tests, text, definitions = list[Any](), [], list[str](), {}
     for definition in DEFINITIONS:
-        cells = {name: cells_of(where(runs, definition=definition), name) for name in MEASURES}
+        cells = {name: cells_of(select(runs, definition=definition), name) for name in MEASURES}
         part: dict[str, Any] = {
             "cells": [row for name in MEASURES for row in summarise(cells[name], name, environments)],
             "tests": {name: compare_cells(cells[name]) for name in MEASURES},
@@ -160,7 +160,7 @@ def _readable(part: Mapping[str, Any], definition: str) -> Iterator[str]:
     """Tables as Markdown: mean, deviation, interval, published mean; and which neighbours differ."""
     yield f"# As {definition}\n"
     for name, title in MEASURES.items():
-        rows = where(part["cells"], measure=name)
+        rows = select(part["cells"], measure=name)
         robots, cells = distinct(rows, "robot"), {(row["fitness"], row["robot"]): row for row in rows}
         yield f"## {name}: {title}\n"
         yield "Mean ± standard deviation, [95 % bootstrap interval, too narrow for few runs], published mean.\n"

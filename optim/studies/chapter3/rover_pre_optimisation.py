@@ -25,7 +25,7 @@ from optim.experiments.figures import COLOURS, COLUMN, figure
 from optim.experiments.results import Progress, cached, write_json
 from optim.experiments.search_evaluations import SearchEvaluations, computed_searches, record_searches
 from optim.experiments.study import Count, Settings, Several, Study, Whole
-from optim.experiments.tables import Record, column, where, write_records
+from optim.experiments.tables import Record, column, select, write_records
 from optim.measures.overlap import learnability_of, resistance_of
 from optim.measures.pareto import non_dominated
 from optim.plots.fronts import draw_points
@@ -90,8 +90,8 @@ class RoverProblem:
         points = self.space.validate(np.atleast_2d(points))
         rovers = [self.rover(point) for point in points]
         weights = points[:, -len(WEIGHTS) :] if self.controller == "evolved" else np.ones((len(points), len(WEIGHTS)))
-        where: dict[str, Any] = {"precision": self.precision, "device": self.device, "threads": self.threads}
-        done = simulate(rovers, weights, steps=self.steps, **where)
+        compute: dict[str, Any] = {"precision": self.precision, "device": self.device, "threads": self.threads}
+        done = simulate(rovers, weights, steps=self.steps, **compute)
         objectives = np.column_stack([-distances(rovers, done.closest), -effort(rovers)])
         status = np.where((done.status == "ok").all(axis=1), "ok", "diverged")
         return Evaluation(objectives, status, {"solved": done.success.sum(axis=1)})
@@ -214,7 +214,7 @@ def _known(names: Iterable[str], summary: Mapping[str, Any]) -> dict[str, dict[s
 
 def _bases(rows: Sequence[Record]) -> dict[str, Rover]:
     """The published base body, and of each front that of least effort that reaches all lights, if there is one."""
-    solving = {name: where(rows, controller=name, solved=4) for name in CONTROLLERS}
+    solving = {name: select(rows, controller=name, solved=4) for name in CONTROLLERS}
     return {"published": Rover(), **{name: rover_of(front[-1]) for name, front in solving.items() if front}}
 
 
@@ -223,7 +223,7 @@ def _report(folder: Path, rows: Sequence[Record], judged: Mapping[str, Mapping[s
     write_records(folder / TABLE, rows)
     bases = {name: _described(base, judged[name]) for name, base in _bases(rows).items()}
     published = bases["published"]
-    fronts = {name: where(rows, controller=name) for name in CONTROLLERS}
+    fronts = {name: select(rows, controller=name) for name in CONTROLLERS}
     summary: dict[str, Any] = {"published_base": published}
     for name, front in fronts.items():
         near = [row for row in front if row["distance"] <= published["distance_with_weights_1"]]

@@ -51,13 +51,13 @@ class RoverGrid(Settings):
 
 
 def successes(
-    designs: Sequence[int], settings: RoverGrid, folder: Path | None = None, progress: Progress = None, **where: Any
+    designs: Sequence[int], settings: RoverGrid, folder: Path | None = None, progress: Progress = None, **compute: Any
 ) -> Bools:
     """Which lights each controller reaches in bodies of the published grid.
 
     The folder takes a file a body as they come. A sweep of the same settings that finds it goes on from there, also for
     other bodies; killed at any moment, it loses the body at hand. Designs are D numbers, from 1 to 6561, see
-    ``Rover.published``; ``where`` are device and threads.
+    ``Rover.published``; ``compute`` are device and threads.
 
     Returns:
         S, shape (D, n, n, 4): whether body d reaches light k with the weights grid[i] and grid[j].
@@ -69,7 +69,7 @@ def successes(
     results = ResultsFolder(folder, "rover-grid", {**settings.describe(), "base": asdict(Rover())}) if folder else None
 
     def reached(design: int, _: Progress) -> Arrays:
-        how: dict[str, Any] = {"steps": settings.steps, "precision": settings.precision, **where}
+        how: dict[str, Any] = {"steps": settings.steps, "precision": settings.precision, **compute}
         done = simulate(Rover.published(design), settings.pairs, **how)
         return {"success": done.success.reshape(settings.weights, settings.weights, -1)}
 
@@ -93,7 +93,7 @@ def both_models(
     theory: Sweep,
     folder: Path,
     progress: Progress = None,
-    **where: Any,
+    **compute: Any,
 ) -> tuple[Bools, dict[str, Overlap]]:
     """Sweep the same bodies as rigid bodies and in the theoretical model, each in a folder of its own.
 
@@ -103,8 +103,8 @@ def both_models(
     """
     designs = [body.design for body in bodies if body.design is not None]  # all are of the grid
     # Theory first: it is short, and refuses a folder of another one before the hours of rigid bodies.
-    expected = overlaps_of(bodies, theory, folder / "theory", **where, progress=part_of(progress, 0, 2))
-    reached = successes(designs, settings, folder / "success", part_of(progress, 1, 2), **where)
+    expected = overlaps_of(bodies, theory, folder / "theory", **compute, progress=part_of(progress, 0, 2))
+    reached = successes(designs, settings, folder / "success", part_of(progress, 1, 2), **compute)
     return reached, dict(zip(MODELS, (reached.sum(-1, dtype=np.uint8), expected), strict=True))
 
 

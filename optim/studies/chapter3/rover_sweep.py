@@ -70,8 +70,8 @@ def study(folder: Path, settings: RoverSweep, progress: Progress = None) -> None
     """Write ``summary.json``, a table and a figure."""
     check_folder(folder, ("success", "theory", *FILES))
     bodies = [*(rover.vehicle for rover in BODIES.values()), *map(VehicleBody.published, settings.designs)]
-    where: dict[str, Any] = {"device": settings.device, "threads": settings.threads}
-    _, overlaps = both_models(bodies, settings.grid, settings.theory, folder, progress, **where)
+    compute: dict[str, Any] = {"device": settings.device, "threads": settings.threads}
+    _, overlaps = both_models(bodies, settings.grid, settings.theory, folder, progress, **compute)
     counts = {
         name: np.asarray(np.count_nonzero(found >= least, axis=(1, 2)))
         for model, found in overlaps.items()

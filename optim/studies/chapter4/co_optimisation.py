@@ -29,7 +29,7 @@ from optim.experiments.search_evaluations import (
     record_searches,
 )
 from optim.experiments.study import Count, Settings, Several, Study, Whole
-from optim.experiments.tables import Record, column, where, write_table
+from optim.experiments.tables import Record, column, select, write_table
 from optim.measures.statistics import mean_band
 from optim.plots.curves import draw_band
 from optim.problems.braitenberg import VehicleProblem
@@ -244,7 +244,7 @@ def _of_times(times: Sequence[Record], curves: Sequence[Record], environments: i
     """Evaluations until all is solved, with tests, and what is solved at the end."""
     needed, ends, ranks = {}, {}, {}
     for arm in ARMS:
-        rows, course = where(times, arm=arm), where(curves, arm=arm)
+        rows, course = select(times, arm=arm), select(curves, arm=arm)
         any_point, reported, last = (column(rows, name) for name in TIMES_OF_TRIALS)
         needed[arm] = {
             "any_point": describe_times(any_point, len(course)),
@@ -267,11 +267,11 @@ def _of_homeostasis(tables: Tables) -> dict[str, Any]:
     """How distances change from the first to the last solution of searches, and those in the end, with tests."""
     course: dict[str, Any] = {}
     for arm, name in product(ARMS, MEASURES):
-        own = where(tables[CHANGES], arm=arm, signals=name)
+        own = select(tables[CHANGES], arm=arm, signals=name)
         course.setdefault(arm, {})[name] = {
-            kind: compare_first_and_last(where(own, solutions=kind)) for kind in ("solved", "all")
+            kind: compare_first_and_last(select(own, solutions=kind)) for kind in ("solved", "all")
         }
-    ends = {each: column(where(tables[ENDS], arm_and_signals=each), "distance") for each in ARMS_AND_SIGNALS}
+    ends = {each: column(select(tables[ENDS], arm_and_signals=each), "distance") for each in ARMS_AND_SIGNALS}
     found = {"course": course, "end": {arm: {n: quartiles(ends[f"{arm}/{n}"]) for n in MEASURES} for arm in ARMS}}
     pairs = [(f"co_optimised/{name}", f"baseline/{name}") for name in MEASURES]
     if all(len(ends[name]) > 1 for pair in pairs for name in pair):
@@ -288,10 +288,10 @@ def draw(solved: list[Record], course: list[Record], path: Path) -> None:
     with figure(path, PAGE, 2.8, "A", ncols=2) as (_, panels):
         left, right = panels[0]
         for (arm, (label, _)), colour in zip(ARMS.items(), (BLUE, RED, GREY), strict=True):
-            draw_band(left, *_band(where(solved, arm=arm)), colour=colour, label=label)
+            draw_band(left, *_band(select(solved, arm=arm)), colour=colour, label=label)
         arm, signals = next(iter(ARMS)), MEASURES[0]
         for solutions, colour, label in (("all", BLUE, "all reported"), ("solved", GREEN, "those that solve all")):
-            rows = where(course, arm=arm, signals=signals, solutions=solutions)
+            rows = select(course, arm=arm, signals=signals, solutions=solutions)
             draw_band(right, *_band(rows), colour=colour, label=label)
         left.set(ylabel="environments solved, mean", xlabel="evaluations", ylim=(0, 4.05), yticks=range(5))
         right.set(ylabel="DTW distance, mean [1/m$^2$]", xlabel="evaluations")
@@ -309,11 +309,11 @@ def draw_medians(solved: list[Record], course: list[Record], path: Path) -> None
     """Draw environments solved, and medians of distances of signals in all arms, over the evaluations."""
     with figure(path, PAGE, 2.8, ncols=3) as (drawn, panels):
         for (arm, (label, _)), colour in zip(ARMS.items(), COLOURS, strict=False):
-            rows = where(solved, arm=arm)
+            rows = select(solved, arm=arm)
             draw_band(panels[0, 0], *_band(rows), colour=colour, label=label)
             for axes, signals in zip(panels[0, 1:], MEASURES, strict=True):
                 for solutions, style in (("solved", "-"), ("all", ":")):
-                    rows = where(course, arm=arm, signals=signals, solutions=solutions)
+                    rows = select(course, arm=arm, signals=signals, solutions=solutions)
                     axes.plot(column(rows, "evaluations"), column(rows, "median"), style, color=colour)
         panels[0, 0].set(ylabel="environments solved", xlabel="evaluations", ylim=(0, 4.05), yticks=range(5))
         for axes, unit in zip(panels[0, 1:], (" [1/m$^2$]", ", normalised"), strict=True):

@@ -24,7 +24,7 @@ from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logar
 from optim.experiments.results import Progress, cached, computed, write_json
 from optim.experiments.search_evaluations import NOTHING, SearchEvaluations, computed_searches, record_searches
 from optim.experiments.study import Count, Settings, Several, Study
-from optim.experiments.tables import Record, column, where, write_records
+from optim.experiments.tables import Record, column, select, write_records
 from optim.measures import learnability, resistance
 from optim.problem import Evaluation
 from optim.problems.braitenberg import VehicleProblem
@@ -205,7 +205,7 @@ def rewrite(data: Data, folder: Path) -> None:
 
 def _report(folder: Path, budget: int, times: Sequence[Record], rows: Sequence[Record]) -> None:
     """Write ``summary.json`` and the figure: evaluations until success, quartiles and two-sided tests of outcomes."""
-    needed = {way: describe_times(column(where(times, way=way), "evaluations"), budget) for way in SEARCHES}
+    needed = {way: describe_times(column(select(times, way=way), "evaluations"), budget) for way in SEARCHES}
     summary: dict[str, Any] = {"budget": budget, "evaluations_until_all_solved": needed, "outcomes": {}, "tests": {}}
     for name in OUTCOMES:
         samples = {way: _known(rows, way, name) for way in LABELS}
@@ -218,7 +218,7 @@ def _report(folder: Path, budget: int, times: Sequence[Record], rows: Sequence[R
 
 def _known(rows: Sequence[Record], way: str, name: str) -> Floats:
     """An outcome of a way, of the searches that have it."""
-    values = column(where(rows, way=way), name)
+    values = column(select(rows, way=way), name)
     return values[np.isfinite(values)]
 
 

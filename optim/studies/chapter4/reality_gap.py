@@ -25,7 +25,7 @@ from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
 from optim.experiments.results import Progress, computed, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole
-from optim.experiments.tables import Record, column, distinct, where, write_records
+from optim.experiments.tables import Record, column, distinct, select, write_records
 from optim.measures.statistics import mean_band
 from optim.studies.chapter3.sensor_placement import some_solving_controllers
 from optim.studies.chapter3.sweep_table import overlaps_of
@@ -168,15 +168,15 @@ def _kept_manifolds(data: Data) -> list[Record]:
     name = weight_manifolds.TABLE
     rows = data.records(name, weight_manifolds.COLUMNS) if data.has(name) else []
     for design in distinct(rows, "design"):
-        if len(sizes := set(distinct(where(rows, design=design), "before"))) > 1:
+        if len(sizes := set(distinct(select(rows, design=design), "before"))) > 1:
             raise ValueError(f"{data.path(name)}: design {design} has {sorted(sizes)} as before; it must be one number")
     return rows
 
 
 def _survival(rows: Sequence[Record], design: int) -> list[Floats]:
     """Shares that survive each perturbation, by controller."""
-    own = where(rows, design=design)
-    return [column(where(own, perturbation=p.name, strength=p.strength), "survival") for p in PERTURBATIONS]
+    own = select(rows, design=design)
+    return [column(select(own, perturbation=p.name, strength=p.strength), "survival") for p in PERTURBATIONS]
 
 
 def _report(folder: Path, rows: Sequence[Record], manifolds: Sequence[Record]) -> None:
@@ -210,7 +210,7 @@ def draw(rows: Sequence[Record], path: Path) -> None:
     with figure(path, PAGE, 4.2, letters="", nrows=2, ncols=4, sharey=True) as (_, panels):
         for axes, kind in zip(panels.flat, kinds, strict=False):
             for (design, label), colour in zip(DESIGNS.items(), COLOURS, strict=False):
-                if here := where(rows, design=design, perturbation=kind):
+                if here := select(rows, design=design, perturbation=kind):
                     strength, mean, low, high = (column(here, name) for name in ("strength", "mean", "low", "high"))
                     line: Any = {"fmt": "o-", "color": colour, "markersize": 2.5, "label": label}
                     axes.errorbar(strength, mean, np.abs([low - mean, high - mean]), **line)

@@ -13,7 +13,7 @@ import numpy as np
 
 from optim.experiments.data import Kind
 from optim.experiments.results import Progress
-from optim.experiments.tables import Record, column, distinct, where
+from optim.experiments.tables import Record, column, distinct, select
 from optim.measures.statistics import mean_band
 from optim.studies.chapter4.perturbations import PERTURBATIONS, Perturbation
 from robots.braitenberg import VehicleBody, contralateral, weight_grid
@@ -122,10 +122,10 @@ def summary(rows: Sequence[Record]) -> dict[str, Any]:
     """
     found = {}
     for design in distinct(rows, "design"):
-        own = where(rows, design=design)
+        own = select(rows, design=design)
         told: dict[str, Any] = {"controllers": own[0]["before"], "changes": len(own)}
         if own[0]["before"]:  # of an empty manifold nothing can be kept
-            kinds = {kind: _means(where(own, perturbation=kind)) for kind in distinct(own, "perturbation")}
+            kinds = {kind: _means(select(own, perturbation=kind)) for kind in distinct(own, "perturbation")}
             for what in ("kept", "size", "shift"):
                 told[what] = _with_interval([means[what] for means in kinds.values()])
             told["kinds"] = kinds
@@ -145,7 +145,7 @@ def _means(rows: Sequence[Record]) -> dict[str, float | None]:
     """Means over strengths of the means over draws of a kind of changes."""
     each: dict[str, list[float]] = {"kept": [], "size": [], "shift": []}
     for strength in distinct(rows, "strength"):
-        own = where(rows, strength=strength)
+        own = select(rows, strength=strength)
         before, after, both = (column(own, name) for name in NUMBERS[:3])
         each["kept"].append(float(np.mean(both / before)))
         each["size"].append(float(np.mean(after / before)))

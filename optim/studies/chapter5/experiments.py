@@ -172,8 +172,8 @@ class _Turns(FolderSearch):
         """Open the folder, which the stack closes."""
         self.experiment, self.generations = experiment, settings.generations
         self.gaits, method = settings.problem(experiment, threads), settings.method(experiment)
-        where: dict[str, Any] = {"device": self.gaits.device, "precision": self.gaits.precision, "threads": threads}
-        about, named = environment(seed=settings.seed, **where), {"name": "hill-climb", **method}
+        compute: dict[str, Any] = {"device": self.gaits.device, "precision": self.gaits.precision, "threads": threads}
+        about, named = environment(seed=settings.seed, **compute), {"name": "hill-climb", **method}
         config = {"problem": self.gaits.describe(), "method": named, "generations": self.generations}
         run = stack.enter_context(open_run(folder / experiment.name, config, resume=True, environment=about))
         super().__init__(self.gaits, HillClimb(self.gaits.space, **method), run)

@@ -19,7 +19,7 @@ from optim.experiments.data import Data
 from optim.experiments.figures import PAGE, caption, figure
 from optim.experiments.results import Progress, computed_arrays, write_summary
 from optim.experiments.study import Settings, Study, Whole
-from optim.experiments.tables import Record, column, distinct, where
+from optim.experiments.tables import Record, column, distinct, select
 from optim.measures.overlap import learnability, resistance
 from optim.measures.statistics import spearman, wilson
 from optim.studies.chapter5.gaits import Case, GaitRuns, Uphill
@@ -194,7 +194,7 @@ def correlations(rows: Sequence[Record]) -> dict[str, Any]:
     """
     found = {}
     for name in THRESHOLDS:
-        here = [row for row in where(rows, threshold=name) if row["M_CI"] is not None]
+        here = [row for row in select(rows, threshold=name) if row["M_CI"] is not None]
         one = asdict(spearman(column(here, "M_L"), column(here, "M_CI"), "two-sided"))
         found[name] = one if len(here) >= LEAST_BODIES else {**one, "low": None, "high": None, "p": None}
     return found
@@ -214,7 +214,7 @@ def draw(rows: Sequence[Record], path: Path) -> None:
         for line, (metric, title) in zip(panels, METRICS.items(), strict=True):
             most = np.nan_to_num(column(rows, metric)).max() or 1.0
             for axes, threshold in zip(line, THRESHOLDS, strict=True):
-                values = column(where(rows, threshold=threshold), metric).reshape(len(pressures), -1).T
+                values = column(select(rows, threshold=threshold), metric).reshape(len(pressures), -1).T
                 image = axes.imshow(values, origin="lower", aspect="auto", cmap="cividis", vmin=0.0, vmax=most)
                 for (y, x), value in np.ndenumerate(values):
                     text = "none" if np.isnan(value) else f"{value:.2g}"

@@ -17,7 +17,7 @@ from optim.experiments.data import Data
 from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic
 from optim.experiments.results import Progress, computed_arrays, write_summary
 from optim.experiments.study import Count, Settings, Study
-from optim.experiments.tables import Record, column, distinct, markdown, page, where
+from optim.experiments.tables import Record, column, distinct, markdown, page, select
 from optim.studies.chapter5.gaits import Case, GaitRuns, repeated, shown, spread
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
@@ -289,11 +289,11 @@ def draw(rows: Sequence[Record], path: Path) -> None:
         for axes, behaviour in zip(panels.flat, behaviours, strict=True):
             axes.axhline(SURVIVES, color="0.6", linestyle=":", linewidth=0.8)
             axes.axhline(0.0, color="0.8", linewidth=0.6, zorder=0)
-            unchanged = where(rows, behaviour=behaviour, parameter=UNCHANGED)
+            unchanged = select(rows, behaviour=behaviour, parameter=UNCHANGED)
             usual = abs(unchanged[0]["mean"] or np.nan)
             lines = []
             for name, colour in zip(names, COLOURS, strict=False):
-                here = [*where(rows, behaviour=behaviour, parameter=name), *unchanged]
+                here = [*select(rows, behaviour=behaviour, parameter=name), *unchanged]
                 here.sort(key=lambda row: row["factor"])
                 factor, share, deviation = (column(here, key) for key in ("factor", "share", "deviation"))
                 line: Any = {"fmt": "o-", "ms": 2.5, "elinewidth": 0.6, "color": colour, "label": name}

@@ -15,14 +15,13 @@ from worker_checks import numbers, wait_for
 from optim.experiments.jobs import run_parallel
 from optim.studies.beyond.gait_hunt import study as hunting
 from robots.inflatable import simulation
-from taichi_sim.base import compute
 
 pytestmark = pytest.mark.long
 
 
 @pytest.fixture
 def nine_cores(monkeypatch):
-    monkeypatch.setattr(compute, "available_threads", lambda: 9)
+    monkeypatch.setattr("optim.experiments.jobs.available_threads", lambda: 9)
 
 
 def test_all_is_done_by_so_many_processes(tmp_path, nine_cores):

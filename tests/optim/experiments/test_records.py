@@ -10,7 +10,7 @@ import pytest
 from optim.experiments.allowed import Allowed
 from optim.experiments.results import computed, computed_arrays
 from optim.experiments.study import Count, Settings, Several, Whole
-from optim.experiments.tables import cell, column, distinct, markdown, page, read_records, where, write_columns
+from optim.experiments.tables import cell, column, distinct, markdown, page, read_records, select, write_columns
 from taichi_sim.base.results_folder import ResultsFolder
 
 ROWS = [
@@ -71,7 +71,7 @@ def test_parts_are_computed_once_each_with_its_share_of_the_progress(tmp_path):
 
 
 def test_records_are_chosen_and_gathered_by_column():
-    assert where(ROWS, gait="rolling", slope=0) == ROWS[:1] and where(ROWS, slope=7) == []
+    assert select(ROWS, gait="rolling", slope=0) == ROWS[:1] and select(ROWS, slope=7) == []
     assert distinct(ROWS, "gait") == ["rolling", "inching"]
     np.testing.assert_array_equal(column(ROWS, "speed"), [0.17, 0.06, np.nan])
     assert column([], "speed").shape == (0,)

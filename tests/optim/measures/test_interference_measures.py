@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from optim.experiments.tables import where
+from optim.experiments.tables import select
 from optim.measures.catastrophic_interference import (
     MeanOfRuns,
     RunMeasures,
@@ -166,7 +166,7 @@ def test_tables_hold_means_intervals_published_values_and_marks(tmp_path):
 def test_runs_without_beneficial_mutations_count_for_the_worst_distance_only():
     treatment = Treatment("legged", "min")
     found = {treatment: [*runs_of({treatment: [8.0]})[treatment], state_of([0], [[9, 9]])]}
-    rows = where(rows_of(found), definition="defined")
+    rows = select(rows_of(found), definition="defined")
     worst, angle = (cells_of(rows, name) for name in ("M1", "M2"))
     assert worst == {("min", "legged"): pytest.approx([8, 9])} and angle["min", "legged"].tolist() == [0]
     (row,) = summarise(angle, "M2", 2)

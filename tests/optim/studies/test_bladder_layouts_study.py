@@ -10,7 +10,7 @@ from linear_robot import Linear
 
 from optim import cli
 from optim.experiments.data import Data
-from optim.experiments.tables import read_records, where
+from optim.experiments.tables import read_records, select
 from optim.studies.beyond.bladder_layouts import BODIES, EVOLVED, STUDY, Enumeration, rewrite, study
 from robots.inflatable import load_design
 from robots.inflatable.layout import WAYS_TO_LIE, laid, told_layout
@@ -36,8 +36,8 @@ def test_every_body_is_searched_by_as_many_evaluations_in_the_ways_that_it_lies(
         for body in SHORT.bodies:
             path = folder / f"gaits/{body.replace(',', '')}-{seed}.json"
             assert load_design(path).bladders == laid(BODIES[body], way)
-    assert where(rows, seed=1)[1]["found"] == 4 and where(rows, seed=1)[2]["found"] == (3, 4)
-    evolved = where(rows, body=EVOLVED)
+    assert select(rows, seed=1)[1]["found"] == 4 and select(rows, seed=1)[2]["found"] == (3, 4)
+    evolved = select(rows, body=EVOLVED)
     assert len({told_layout(SHORT.problem(EVOLVED, 0).design(p).bladders) for p in sampled(SHORT)}) > 5
     replays = [call for call in linear.calls if call.precision == "f64"]
     assert len(replays) == 8 and all(call.perturbation == 1e-6 and len(call.designs) == 3 for call in replays)
@@ -89,4 +89,4 @@ def test_the_small_budget_runs(tmp_path):
     assert cli.main(["reproduce", "bladder-layouts", "--budget", "small", "--out", str(tmp_path / "a"), "--quiet"]) == 0
     rows = read_records(tmp_path / "a/runs.csv")
     assert {row["body"] for row in rows} >= {"none", EVOLVED}
-    assert abs(where(rows, body="none")[0]["speed"]) < 0.05
+    assert abs(select(rows, body="none")[0]["speed"]) < 0.05

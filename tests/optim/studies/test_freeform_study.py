@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from optim.experiments.data import Data
-from optim.experiments.tables import column, read_records, where
+from optim.experiments.tables import column, read_records, select
 from optim.measures.statistics import ratio_of_means
 from optim.studies.beyond import freeform
 from optim.studies.beyond.freeform import STUDY, Comparison
@@ -101,7 +101,7 @@ def test_the_page_tells_the_ratios_at_four_times_the_time_and_what_was_hoped_for
         ("water-288", "race", 360.0),
     ):
         speeds = [
-            column(where(rows, problem=problem, search=name, seconds=seconds), "speed") for name in (search, "nes")
+            column(select(rows, problem=problem, search=name, seconds=seconds), "speed") for name in (search, "nes")
         ]
         ratio, low, high = ratio_of_means(*speeds)
         assert f"{ratio:.2f} times ({low:.2f} to {high:.2f}) after {seconds:g} s" in page
@@ -127,7 +127,7 @@ def test_runs_are_judged_and_tables_are_enough_to_go_on(tmp_path):
     assert len(starts) == 8 * len(found)
     page = (tmp_path / "a" / "table.md").read_text()
     assert "hill climbing" in page and "48 variables" in page
-    ends = where(rows, search="race", seconds=QUICK.marks("ground-48")[-1])
+    ends = select(rows, search="race", seconds=QUICK.marks("ground-48")[-1])
     assert ("| 0.5 of the friction | 1 |" in page) == (ends[0]["speed"] > 0)  # where it found any in so little time
     assert all((tmp_path / "a" / name).exists() for name in STUDY.writes)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from optim.experiments.tables import column, read_records, where
+from optim.experiments.tables import column, read_records, select
 
 ROOT = Path(__file__).parents[3]
 SCRIPT = runpy.run_path(str(ROOT / "benchmarks/gait_causes.py"))
@@ -20,13 +20,13 @@ def test_the_page_has_the_table_of_the_committed_speeds():
 
 def test_every_gait_was_played_as_often_under_every_condition():
     for name, slope in SCRIPT["CASES"]:
-        own = where(ROWS, gait=name, slope=slope)
+        own = select(ROWS, gait=name, slope=slope)
         conditions = [(row["weight"], row["floor"], row["copy"]) for row in own]
         assert len(set(conditions)) == len(conditions) == len(SCRIPT["WEIGHTS"]) * len(SCRIPT["FRICTION"]) * 5
 
 
 def speed(gait, slope, weight, floor):
-    return column(where(ROWS, gait=gait, slope=slope, weight=weight, floor=floor), "speed").mean()
+    return column(select(ROWS, gait=gait, slope=slope, weight=weight, floor=floor), "speed").mean()
 
 
 @pytest.mark.parametrize("gait", ["inching", "both-genetic", "hill-cma", "hill-program"])

@@ -9,7 +9,7 @@ import pytest
 from linear_robot import Linear
 
 from optim.experiments.data import Data
-from optim.experiments.tables import read_records, where
+from optim.experiments.tables import read_records, select
 from optim.studies.beyond.inflatable_gradients import ARMS, FLAT, HILL, STUDY, WORLDS, Comparison, rewrite, study
 from robots.inflatable import load_design
 
@@ -55,7 +55,7 @@ def test_runs_are_kept_and_tables_follow_from_what_they_found(linear, tmp_path):
     assert len(replays) == 12 and all(call.perturbation == 1e-6 and len(call.designs) == 2 for call in replays)
     assert load_design(folder / "gaits" / "flat-random-0.json") == replays[0].designs[0]
     assert run["slowest"] <= run["speed"] <= run["fastest"]
-    curves = where(read_records(folder / "curves.csv"), world=FLAT, search="random", seed=0)
+    curves = select(read_records(folder / "curves.csv"), world=FLAT, search="random", seed=0)
     assert curves[-1]["best"] == run["score"] and curves[-1]["evaluations"] == run["evaluations"]
     page, summary = (folder / "table.md").read_text(), json.loads((folder / "summary.json").read_text())
     assert page.count("| random |") == 2 and "**gradient**" in page and summary["variables"] == 64

@@ -22,7 +22,7 @@ from optim.experiments.figures import PAGE, dots, figure
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, write_json
 from optim.experiments.study import Count, Settings, Study
-from optim.experiments.tables import Record, column, markdown, mean_with_interval, page, where, write_records
+from optim.experiments.tables import Record, column, markdown, mean_with_interval, page, select, write_records
 from optim.measures.statistics import difference_of_means, mean_interval
 from optim.search.step_rules import Adam
 from optim.space import Space
@@ -259,9 +259,9 @@ def rewrite(data: Data, folder: Path) -> None:
 def _report(folder: Path, settings: UniversalControl, rows: Sequence[Record], peak: int) -> None:
     """Write ``table.md``, ``summary.json`` and a picture with a dot for each training."""
     lines, summary = [], dict[str, Any]()
-    each = column(where(rows, arm="each"), "speed")
+    each = column(select(rows, arm="each"), "speed")
     for name, title in ARMS.items():
-        part = where(rows, arm=name)
+        part = select(rows, arm=name)
         speeds = column(part, "speed")
         several = len(speeds) > 1
         ends = mean_interval(speeds) if several else None
@@ -283,9 +283,9 @@ def _report(folder: Path, settings: UniversalControl, rows: Sequence[Record], pe
     write_text(folder / "table.md", page(told, markdown(header, "lrrrr", lines)))
     write_json(folder / "summary.json", {"settings": settings.describe(), "arms": summary, "peak_memory": peak})
     with figure(folder / PICTURE, PAGE, 2.2, ncols=2, sharey=True) as (_, ((speeds_of, backwards_of),)):
-        dots(speeds_of, {title: column(where(rows, arm=name), "speed") for name, title in ARMS.items()})
+        dots(speeds_of, {title: column(select(rows, arm=name), "speed") for name, title in ARMS.items()})
         speeds_of.set_xlabel("mean speed in unseen bodies [lengths/s]")
-        dots(backwards_of, {title: 100 * column(where(rows, arm=name), "backwards") for name, title in ARMS.items()})
+        dots(backwards_of, {title: 100 * column(select(rows, arm=name), "backwards") for name, title in ARMS.items()})
         backwards_of.set_xlabel("bodies that walk backwards [%]")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from optim.experiments.figures import PAGE, dots, figure
 from optim.experiments.results import write_json
-from optim.experiments.tables import Record, cell, column, distinct, markdown, mean_with_interval, page, where
+from optim.experiments.tables import Record, cell, column, distinct, markdown, mean_with_interval, page, select
 from optim.measures.statistics import difference_of_means
 from optim.studies.beyond.body_and_learning.learning import LEARNERS, succeeded
 from optim.studies.beyond.evolving_bodies import loops, metrics
@@ -27,7 +27,7 @@ ONE_LOOP = "flat"  # the search that others are compared with
 
 def write_report(folder: Path, bodies: Sequence[Record], runs: Sequence[Record], settings: Mapping[str, Any]) -> None:
     """Write ``table.md``, ``summary.json`` and ``evolving.png``; of searches those of seeds in which all have ended."""
-    ended = [seed for seed in distinct(runs, "seed") if len(where(runs, seed=seed)) == len(loops.ARMS)]
+    ended = [seed for seed in distinct(runs, "seed") if len(select(runs, seed=seed)) == len(loops.ARMS)]
     runs = [row for row in runs if row["seed"] in ended]
     write_text(folder / "table.md", page(*_tables(bodies, runs, settings)))
     write_json(folder / "summary.json", {"settings": dict(settings), **_summary(bodies, runs)})
@@ -63,13 +63,13 @@ def _tables(bodies: Sequence[Record], runs: Sequence[Record], settings: Mapping[
             loops.ARMS[name].label,
             mean_with_interval(values * 100, ".2f"),
             "-" if name == ONE_LOOP else _difference(nearer[ONE_LOOP], values, 100, ".2f"),
-            cell(float(np.median(column(where(runs, search=name), "evaluations"))), ".0f"),
+            cell(float(np.median(column(select(runs, search=name), "evaluations"))), ".0f"),
         ]
         for name, values in nearer.items()
     ]
     titles = [each.title for each in LEARNERS.values()]
     budgets = ", ".join(str(each.evaluations(settings["budget"])) for each in LEARNERS.values())
-    arms = ((title, where(bodies, arm=arm)) for arm, title in metrics.ARMS.items())
+    arms = ((title, select(bodies, arm=arm)) for arm, title in metrics.ARMS.items())
     succeeding = [
         [title, *(succeeded(part, name, settings["repetitions"]) for name in LEARNERS)] for title, part in arms
     ]
@@ -94,7 +94,7 @@ def _tables(bodies: Sequence[Record], runs: Sequence[Record], settings: Mapping[
 
 def _values(rows: Sequence[Record], by: str, name: str, what: str) -> Floats:
     """Values of one arm, in the order of seeds; what failed came no nearer."""
-    own = sorted(where(rows, **{by: name}), key=lambda row: int(row["seed"]))
+    own = sorted(select(rows, **{by: name}), key=lambda row: int(row["seed"]))
     return np.array([0.0 if row[what] is None else row[what] for row in own], float)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, caption, figure
 from optim.experiments.results import write_json
-from optim.experiments.tables import Record, column, distinct, markdown, mean_with_interval, page, where
+from optim.experiments.tables import Record, column, distinct, markdown, mean_with_interval, page, select
 from optim.measures.statistics import difference_of_means, mean_interval
 from optim.studies.beyond.body_and_learning.learning import LEARNERS, succeeded
 from optim.studies.beyond.evolving_vehicles.searches import LOOPS
@@ -57,8 +57,8 @@ def write_report(folder: Path, bodies: Sequence[Record], loops: Sequence[Record]
     )
     summary = {
         "settings": dict(settings),
-        "bodies": {arm: {name: column(where(bodies, arm=arm), name).tolist() for name in COLUMNS} for arm in ARMS},
-        "loops": {arm: column(where(looped, arm=arm), "best").tolist() for arm in LOOPS},
+        "bodies": {arm: {name: column(select(bodies, arm=arm), name).tolist() for name in COLUMNS} for arm in ARMS},
+        "loops": {arm: column(select(looped, arm=arm), "best").tolist() for arm in LOOPS},
     }
     write_json(folder / "summary.json", summary)
     draw(folder / PICTURE, bodies, loops)
@@ -67,7 +67,7 @@ def write_report(folder: Path, bodies: Sequence[Record], loops: Sequence[Record]
 def ends(loops: Sequence[Record]) -> list[Record]:
     """The last mark of every run of a loop."""
     last = max(row["evaluations"] for row in loops)
-    return where(loops, evaluations=last)
+    return select(loops, evaluations=last)
 
 
 def rows(bodies: Sequence[Record]) -> list[list[str]]:
@@ -75,7 +75,7 @@ def rows(bodies: Sequence[Record]) -> list[list[str]]:
     return [
         [
             title,
-            *(mean_with_interval(column(where(bodies, arm=arm), name), form) for name, (_, form) in COLUMNS.items()),
+            *(mean_with_interval(column(select(bodies, arm=arm), name), form) for name, (_, form) in COLUMNS.items()),
         ]
         for arm, title in ARMS.items()
     ]
@@ -83,11 +83,11 @@ def rows(bodies: Sequence[Record]) -> list[list[str]]:
 
 def changes(bodies: Sequence[Record]) -> list[list[str]]:
     """Cells of how bodies of each arm differ from those evolved for performance alone."""
-    base = where(bodies, arm="performance")
+    base = select(bodies, arm="performance")
     found = []
     for arm, title in ARMS.items():
         if arm != "performance":
-            part = where(bodies, arm=arm)
+            part = select(bodies, arm=arm)
             cells = (against(column(part, name), column(base, name), form) for name, (_, form) in COLUMNS.items())
             found.append([title, *cells])
     return found
@@ -95,16 +95,16 @@ def changes(bodies: Sequence[Record]) -> list[list[str]]:
 
 def successes(bodies: Sequence[Record], repetitions: int) -> list[list[str]]:
     """Cells of how many runs of learning succeeded in the bodies of each arm."""
-    parts = ((title, where(bodies, arm=arm)) for arm, title in ARMS.items())
+    parts = ((title, select(bodies, arm=arm)) for arm, title in ARMS.items())
     return [[title, *(succeeded(part, name, repetitions) for name in LEARNED)] for title, part in parts]
 
 
 def loop_rows(looped: Sequence[Record]) -> list[list[str]]:
     """Cells of where each arm ends."""
-    flat = column(where(looped, arm="flat"), "best")
+    flat = column(select(looped, arm="flat"), "best")
     found = []
     for arm, title in LOOPS.items():
-        part = where(looped, arm=arm)
+        part = select(looped, arm=arm)
         best = column(part, "best")
         more = "-" if arm == "flat" else against(best, flat, ".4f")
         found.append([title, mean_with_interval(best, ".4f"), more, mean_with_interval(column(part, "seconds"), ".1f")])
@@ -136,7 +136,7 @@ def draw(path: Path, bodies: Sequence[Record], loops: Sequence[Record]) -> None:
 def _points(axes: Any, bodies: Sequence[Record], name: str) -> None:
     """A point for each seed, beside the mean with its interval."""
     for place, arm in enumerate(ARMS):
-        values = column(where(bodies, arm=arm), name)
+        values = column(select(bodies, arm=arm), name)
         values = values[np.isfinite(values)]
         axes.scatter(np.full(len(values), place - 0.12), values, s=7, color=COLOURS[place], alpha=0.5, linewidths=0)
         if len(values) > 1:
@@ -152,7 +152,7 @@ def _courses(axes: Any, loops: Sequence[Record]) -> None:
     """Mean of the best score over cost, with its interval."""
     costs = np.array(distinct(loops, "evaluations"))
     for number, (arm, title) in enumerate(LOOPS.items()):
-        best = np.array([column(where(loops, arm=arm, evaluations=cost), "best") for cost in costs])
+        best = np.array([column(select(loops, arm=arm, evaluations=cost), "best") for cost in costs])
         known = np.isfinite(best).all(axis=1)
         axes.plot(costs[known], best[known].mean(axis=1), color=COLOURS[number], label=title)
         if best.shape[1] > 1:

@@ -10,7 +10,7 @@ import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, caption, figure, legend_above
 from optim.experiments.results import write_json
-from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
+from optim.experiments.tables import Record, cell, column, distinct, markdown, page, select
 from optim.measures.factorial import TwoWay, two_way
 from optim.measures.statistics import Difference, difference_of_means, holm, mean_interval
 from optim.studies.beyond.forgetting.families import FAMILIES
@@ -47,7 +47,7 @@ def outcome(rows: Sequence[Record], name: str) -> Floats:
 
 def analyse(rows: Sequence[Record], name: str) -> TwoWay | None:
     """What bodies and methods that learn one after the other explain of an outcome of one robot; None if it is one."""
-    values = [[outcome(where(rows, level=level, method=way), name) for way in SEQUENTIAL] for level in LEVELS]
+    values = [[outcome(select(rows, level=level, method=way), name) for way in SEQUENTIAL] for level in LEVELS]
     return two_way(values, blocks=True) if np.ptp(values) else None
 
 
@@ -66,7 +66,7 @@ def contrasts(rows: Sequence[Record], name: str) -> dict[str, tuple[str, Differe
     method in bodies of high M_CI less plain there; ``helps``: the same in bodies of low M_CI.
     """
     cells = {
-        (level, way): outcome(where(rows, level=level, method=way), name) for level in LEVELS for way in SEQUENTIAL
+        (level, way): outcome(select(rows, level=level, method=way), name) for level in LEVELS for way in SEQUENTIAL
     }
     others = [way for way in SEQUENTIAL if way != "plain"]
     best = {level: max(others, key=lambda way: cells[level, way].mean()) for level in LEVELS}
@@ -81,7 +81,7 @@ def contrasts(rows: Sequence[Record], name: str) -> dict[str, tuple[str, Differe
 def write_report(folder: Path, rows: Sequence[Record], measured: Sequence[Record], settings: Mapping[str, Any]) -> None:
     """Write ``table.md``, ``summary.json`` and ``forgetting.png``."""
     robots = distinct(rows, "robot")
-    of_robot = {robot: where(rows, robot=robot) for robot in robots}
+    of_robot = {robot: select(rows, robot=robot) for robot in robots}
     found = {(robot, name): analyse(of_robot[robot], name) for robot in robots for name in OUTCOMES}
     keys = [
         (*key, source) for key, each in found.items() for source in SOURCES if each and _p(each, source) is not None
@@ -136,13 +136,13 @@ def _bodies(of_robot: Mapping[str, Sequence[Record]], measured: Sequence[Record]
     lines = []
     for robot, rows in of_robot.items():
         for level, title in LEVELS.items():
-            some = where(rows, level=level, method="plain")
+            some = select(rows, level=level, method="plain")
             one, other = column(some, "M_CI"), column(some, "M_L")
             lines.append(
                 [
                     FAMILIES[robot].title,
                     title,
-                    f"{len(some)} of {len(where(measured, robot=robot))}",
+                    f"{len(some)} of {len(select(measured, robot=robot))}",
                     f"{one.mean():.2f} ({one.min():.2f} to {one.max():.2f})",
                     f"{other.mean():.3f} ({other.min():.3f} to {other.max():.3f})",
                 ]
@@ -157,7 +157,7 @@ def _groups(
     for robot, rows in of_robot.items():
         for level, title in LEVELS.items():
             for way, words in ways.items():
-                yield [FAMILIES[robot].title, title, words], way, where(rows, level=level, method=way)
+                yield [FAMILIES[robot].title, title, words], way, select(rows, level=level, method=way)
 
 
 def _means(of_robot: Mapping[str, Sequence[Record]]) -> list[str]:
@@ -248,12 +248,12 @@ def _points(axes: Any, rows: Sequence[Record], name: str, level: str, place: Flo
     """Means of all methods with intervals, single bodies behind, and of A the mean that was learned first."""
     colour = COLOURS[list(LEVELS).index(level)]
     for at, way in zip(place, METHODS, strict=True):
-        values = column(where(rows, level=level, method=way), name)
+        values = column(select(rows, level=level, method=way), name)
         axes.scatter(np.full(len(values), at), values, s=5, color=colour, alpha=0.25, linewidths=0)
         low, high = mean_interval(values)
         axes.plot([at, at], [low, high], color=colour)
         axes.plot(at, values.mean(), "o", color=colour, markersize=4)
     if name == "final_a":
-        learned = column(where(rows, level=level, method="plain"), "learned_a").mean()
+        learned = column(select(rows, level=level, method="plain"), "learned_a").mean()
         axes.axhline(learned, color=colour, linestyle="--", linewidth=0.8)
     return axes.plot([], [], "o-", color=colour, markersize=4, label=LEVELS[level].replace("M_CI", "$M_{CI}$"))[0]

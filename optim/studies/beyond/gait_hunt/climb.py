@@ -17,8 +17,7 @@ from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, check_runs, write_json
 from optim.experiments.study import Study
-from optim.experiments.tables import Record, markdown, page, write_records
-from optim.experiments.tables import where as select
+from optim.experiments.tables import Record, markdown, page, select, write_records
 from optim.studies.beyond.gait_hunt.finalists import (
     FOUND,
     Finalist,
@@ -52,14 +51,14 @@ class Climb(Finals):
 Climbed = tuple[Sequence[Step], Mapping[str, Sequence[Finalist]]]  # steps, and finalists by the step that found them
 
 
-def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
+def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 1, **compute: Any) -> None:
     """Write runs, tables, ``summary.json``, ``climb.png``, and the gait that each seed found."""
     check_runs(folder, "gait-climb", TABLES, FILES)
     tasks = [(f"seed {seed}", partial(_climb, folder / "runs", settings, seed)) for seed in settings.seeds]
-    run_parallel(tasks, jobs, where, progress)
+    run_parallel(tasks, jobs, compute, progress)
     found = dict[int, Climbed]()
     for number, (seed, (_, climb)) in enumerate(zip(settings.seeds, tasks, strict=True)):
-        found[seed] = climb(where, part_of(progress if jobs == 1 else None, number, len(tasks)))
+        found[seed] = climb(compute, part_of(progress if jobs == 1 else None, number, len(tasks)))
         _report(folder, settings, found)
     if progress:
         progress(1.0)
@@ -79,15 +78,15 @@ def rewrite(data: Data, folder: Path) -> None:
     write_reports(folder, data.from_summary(lambda summary: Climb(seeds, **hill_of(summary))), rows, steps)
 
 
-def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], progress: Progress) -> Climbed:
+def _climb(runs: Path, settings: Climb, seed: int, compute: Mapping[str, Any], progress: Progress) -> Climbed:
     """The program of one seed, and its finalists."""
-    options = {"geometry": settings.geometry, **where}
+    options = {"geometry": settings.geometry, **compute}
     ground, share = replace(settings.terrain, slope=0.0), part_of(progress, 0, 10, 9)
     program = Program(runs / f"seed-{seed}", settings.plan, seed, settings.slope, share, options, ground=ground)
     finalists: dict[str, Sequence[Finalist]] = {}
     for number, step in enumerate(program.run()):
         path, share = runs / f"seed-{seed}-{step.name}.json", part_of(progress, 27 + number, 30)
-        (finalists[step.name],) = cached_finalists(path, [step.history], step.problem, settings, share, **where)
+        (finalists[step.name],) = cached_finalists(path, [step.history], step.problem, settings, share, **compute)
     return list(program.steps.values()), finalists
 
 

@@ -129,7 +129,7 @@ def cached_finalists(
     problem: GaitProblem,
     settings: Finals,
     progress: Progress,
-    **where: Any,
+    **compute: Any,
 ) -> list[list[Finalist]]:
     """The last bests of each run of a search, played in full: from the file, if they are of these runs and conditions.
 
@@ -137,12 +137,17 @@ def cached_finalists(
     noise of each follows from its place among them. The file may be missing, damaged, or of fewer generations; the
     ``precision`` of the simulations is ``"f32"`` unless it is given.
     """
-    where = {"precision": "f32", **where}
+    compute = {"precision": "f32", **compute}
     found = [last_bests(history, problem, settings.finalists) for history in histories]
     listed = [each for one in found for each in one]
     bests = [[generation.best_point for generation in history.generations] for history in histories]
     world = {"problem": problem.describe(), "terrain": settings.terrain.document, "noise": NOISE}
-    conditions = {**world, "friction": HARD_FRICTION, "precision": where["precision"], "device": where.get("device")}
+    conditions = {
+        **world,
+        "friction": HARD_FRICTION,
+        "precision": compute["precision"],
+        "device": compute.get("device"),
+    }
     of = {"bests": sha256(json.dumps(bests).encode()), "count": settings.finalists, "runs": settings.runs}
     of["conditions"] = sha256(json.dumps(conditions, sort_keys=True).encode())
     known = _read(path)
@@ -150,7 +155,7 @@ def cached_finalists(
         speeds = np.empty((0, 2, settings.runs))
         if listed:
             designs, body = [design for design, _ in listed], NAMED_GEOMETRIES[settings.geometry]
-            options = {"progress": progress, "geometry": body, **where}
+            options = {"progress": progress, "geometry": body, **compute}
             speeds = np.stack(play_with_noise(designs, settings.terrain, settings.runs, **options), axis=1)
         known = {"of": of, "speeds": np.where(np.isnan(speeds), None, speeds).tolist()}  # type: ignore[call-overload]
         write_text(path, json.dumps(known) + "\n")

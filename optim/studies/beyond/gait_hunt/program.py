@@ -230,7 +230,7 @@ class Program:
     seed: int  # of all searches
     slope: float  # to be climbed in the end [degrees]
     progress: Progress = None  # called with the fraction done, which is estimated from the number of gaits
-    where: Mapping[str, Any] = field(default_factory=dict)  # geometry, precision, device and threads of the simulations
+    compute: Mapping[str, Any] = field(default_factory=dict)  # geometry, precision, device, threads of simulations
     ground: Terrain = field(default_factory=Terrain)  # level; its friction is that of all slopes
     steps: dict[str, Step] = field(default_factory=dict)  # made so far, by name, in the order in which they began
 
@@ -258,8 +258,8 @@ class Program:
         """Designs with headings where they go on flat ground; of each kind the best on the ladder."""
         problem = replace(self._on(RUNGS, GRADED), ladder=True)
         settings = {"seed": self.seed, "looks": self.plan.looks, "kept": self.plan.kept, "problem": problem.describe()}
-        where = {name: getattr(problem, name) for name in ("precision", "device", "threads")}
-        options = {"counting": Counting(LOOK["warm_up"]), "geometry": problem.body, **where}
+        compute = {name: getattr(problem, name) for name in ("precision", "device", "threads")}
+        options = {"counting": Counting(LOOK["warm_up"]), "geometry": problem.body, **compute}
         folder = ResultsFolder(self.folder / "turn", "turn", settings)
         each, spent = Allowed((len(designs),), failed=np.nan), Allowed((), 0.0)
         speeds = Allowed((len(designs), len(problem.terrains)), failed=np.nan)
@@ -317,7 +317,7 @@ class Program:
 
     def _on(self, rungs: Sequence[float], options: Mapping[str, Any]) -> GaitProblem:
         return GaitProblem(
-            tuple(replace(self.ground, slope=rung * self.slope) for rung in rungs), **options, **self.where
+            tuple(replace(self.ground, slope=rung * self.slope) for rung in rungs), **options, **self.compute
         )
 
     def _search(

@@ -42,10 +42,10 @@ class HuntSearch:
     problem: Mapping[str, Any] = field(default_factory=lambda: CYCLE)  # options, beside terrains and where it runs
     rungs: tuple[float, ...] = ()  # parts of the slope on which a gait has to get ahead before, perhaps flat ground (0)
 
-    def problem_on(self, terrain: Terrain, **where: Any) -> GaitProblem:
+    def problem_on(self, terrain: Terrain, **compute: Any) -> GaitProblem:
         """The problem that it searches on a terrain: orientation, shape and control."""
         easier = tuple(replace(terrain, slope=part * terrain.slope) for part in self.rungs)
-        return GaitProblem((*easier, terrain), ladder=bool(easier), **self.problem, **where)
+        return GaitProblem((*easier, terrain), ladder=bool(easier), **self.problem, **compute)
 
 
 SEARCHES: Mapping[str, HuntSearch] = MappingProxyType(

@@ -22,7 +22,7 @@ from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, check_runs, write_json
 from optim.experiments.study import Study
-from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where, write_records
+from optim.experiments.tables import Record, cell, column, distinct, markdown, page, select, write_records
 from optim.measures.statistics import known_mean
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import History
@@ -76,23 +76,23 @@ Run = tuple[str, int]  # search and seed
 Course = tuple[History, Sequence[float]]  # of a run, and what each generation has spent [robot-steps]
 
 
-def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
+def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1, **compute: Any) -> None:
     """Write runs, tables, ``summary.json``, ``hunt.png``, and the best gait of each run."""
     check_runs(folder, "gait-hunt", TABLES, FILES)
     searches, found, bests = settings.searches, dict[Run, Course](), dict[Run, Finalist | None]()
     parts = [(name, seed) for seed in settings.seeds for name in searches]
     tasks = [(f"{name}-{seed}", partial(_search, folder, settings, name, seed)) for name, seed in parts]
-    run_parallel(tasks, jobs, where, part_of(progress, 0, 10, 9))
+    run_parallel(tasks, jobs, compute, part_of(progress, 0, 10, 9))
     judged = {name: folder / "runs" / f"{name}.json" for name in searches}
     for number, ((name, seed), (_, search)) in enumerate(zip(parts, tasks, strict=True)):
-        found[name, seed] = search(where, part_of(progress, 9 * number, 10 * len(parts), 9))
+        found[name, seed] = search(compute, part_of(progress, 9 * number, 10 * len(parts), 9))
         if name == searches[-1] and jobs == 1 and not any(path.exists() for path in judged.values()):
             report(folder, settings, found, bests)  # what there is so far is of use
     for number, (name, path) in enumerate(judged.items()):
         runs = [(name, seed) for seed in settings.seeds]
-        histories, problem = [found[run][0] for run in runs], _problem(settings, name, where)
+        histories, problem = [found[run][0] for run in runs], _problem(settings, name, compute)
         share = part_of(progress, 9 * len(searches) + number, 10 * len(searches))
-        finalists = cached_finalists(path, histories, problem, settings, share, **where)
+        finalists = cached_finalists(path, histories, problem, settings, share, **compute)
         bests |= {run: best_of(known) for run, known in zip(runs, finalists, strict=True)}
         report(folder, settings, found, bests)
     if progress:
@@ -112,13 +112,13 @@ def rewrite(data: Data, folder: Path) -> None:
     write_reports(folder, data.from_summary(settings), rows, generations)
 
 
-def _problem(hunt: Hunt, name: str, where: Mapping[str, Any]) -> GaitProblem:
-    return SEARCHES[name].problem_on(hunt.terrain, geometry=hunt.geometry, **where)
+def _problem(hunt: Hunt, name: str, compute: Mapping[str, Any]) -> GaitProblem:
+    return SEARCHES[name].problem_on(hunt.terrain, geometry=hunt.geometry, **compute)
 
 
-def _search(folder: Path, hunt: Hunt, name: str, seed: int, where: Mapping[str, Any], progress: Progress) -> Course:
+def _search(folder: Path, hunt: Hunt, name: str, seed: int, compute: Mapping[str, Any], progress: Progress) -> Course:
     """One run; its finalists come later."""
-    path, problem = folder / "runs" / f"{name}-{seed}", _problem(hunt, name, where)
+    path, problem = folder / "runs" / f"{name}-{seed}", _problem(hunt, name, compute)
     settings = {**SEARCHES[name].settings, "seed": seed}
     history = search_within(problem, SEARCHES[name].method, settings, path, hunt.budget, progress)
     spent = read_spent(path)
@@ -145,10 +145,10 @@ def report(folder: Path, hunt: Hunt, found: Mapping[Run, Course], bests: Mapping
 
 def write_reports(folder: Path, hunt: Hunt, rows: Sequence[Record], generations: Sequence[Record]) -> None:
     """Write ``summary.json``, ``table.md`` and ``hunt.png``, all that follows from the records of both tables."""
-    every = {name: where(rows, search=name) for name in hunt.searches}
+    every = {name: select(rows, search=name) for name in hunt.searches}
     groups = {name: group for name, group in every.items() if group}
     summary = {name: _group(name, group) for name, group in groups.items()}
-    starts = {name: [row["mean"] for row in where(generations, search=name, generation=0)] for name in groups}
+    starts = {name: [row["mean"] for row in select(generations, search=name, generation=0)] for name in groups}
     apart = differences({name: column(group, "speed") for name, group in groups.items()}, starts)
     found = {"searches": summary, "differences": apart, "runs": rows}
     write_json(folder / "summary.json", {"budget": hunt.budget, **hunt.about_hill, **found})
@@ -197,7 +197,7 @@ def _draw(groups: Mapping[str, Sequence[Record]], generations: Sequence[Record],
         for place, ((name, group), colour) in enumerate(zip(groups.items(), COLOURS, strict=False)):
             style = "--" if SEARCHES[name].rungs else "-"  # scores of ladders count easier slopes
             for seed in distinct(group, "seed"):
-                mine = where(generations, search=name, seed=seed)
+                mine = select(generations, search=name, seed=seed)
                 spent = np.cumsum(column(mine, "robot_steps")) / 1e6
                 over.step(spent, column(mine, "best"), where="post", color=colour, lw=0.8, ls=style)
             known = [row for row in group if row["speed"] is not None]

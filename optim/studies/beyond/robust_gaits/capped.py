@@ -14,7 +14,7 @@ from typing import Annotated, Any
 from optim.experiments.data import Data, Kind
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Count, Settings, Study, Whole
-from optim.experiments.tables import Record, distinct, markdown, page, where, write_records
+from optim.experiments.tables import Record, distinct, markdown, page, select, write_records
 from optim.studies.beyond.robust_gaits.judgement import judged
 from optim.studies.beyond.robust_gaits.report import DRAWN as DRAWN_OF_GAITS
 from optim.studies.beyond.robust_gaits.report import DRAWS, GAITS, SPEEDS_TOLD, speed_cells, summary_row
@@ -113,7 +113,7 @@ def _report(folder: Path, settings: Mapping[str, Any], draws: Sequence[Record]) 
     rows = []
     for slope in sorted(distinct(draws, "slope")):
         for full in sorted(distinct(draws, "full")):
-            if mine := where(draws, slope=slope, full=full):
+            if mine := select(draws, slope=slope, full=full):
                 rows.append({**summary_row(mine), "full": full})
     write_json(folder / "summary.json", {**settings, "rows": rows})
     table = [(f"{row['slope']:g}°", row["full"], *speed_cells(row), row["n"]) for row in rows]
@@ -130,7 +130,7 @@ def _report(folder: Path, settings: Mapping[str, Any], draws: Sequence[Record]) 
 def rewrite(data: Data, folder: Path) -> None:
     """Write page and summary from the table of draws."""
     draws = data.records(DRAWS, DRAWN)
-    if min(sum(row["draw"] >= 0 for row in where(draws, full=row["full"], slope=row["slope"])) for row in draws) < 2:
+    if min(sum(row["draw"] >= 0 for row in select(draws, full=row["full"], slope=row["slope"])) for row in draws) < 2:
         raise ValueError(f"{data.folder / DRAWS}: a gait has less than two held-out draws (draw: at least 0)")
     _report(folder, data.kept(NAME, dict) if data.has(f"{NAME}.json") else {}, draws)
 

@@ -10,7 +10,7 @@ import numpy as np
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.results import write_json
-from optim.experiments.tables import MISSING, Record, cell, distinct, markdown, page, where, write_records
+from optim.experiments.tables import MISSING, Record, cell, distinct, markdown, page, select, write_records
 from optim.studies.beyond.robust_gaits.settings import NAME, file_of
 from optim.studies.beyond.robust_gaits.theory import inching_text
 from robots.inflatable.design import InflatableDesign, load_design
@@ -51,7 +51,7 @@ def rewrite(data: Data, folder: Path) -> None:
     """
     screened, draws = data.records(SCREEN, SCREENED), data.records(DRAWS, DRAWN)
     for name in distinct(draws, "gait"):
-        if not any(row["draw"] >= 0 for row in where(draws, gait=name)):
+        if not any(row["draw"] >= 0 for row in select(draws, gait=name)):
             raise ValueError(f"{data.folder / DRAWS}: gait {name} has no held-out draw (draw: at least 0)")
         if Path(file_of(name)).name != file_of(name):
             raise ValueError(f"{data.folder / DRAWS}: gait {name!r} is not allowed; it names no file")
@@ -74,13 +74,13 @@ def report(
 
     Settings are those of the study as it describes them, as far as they are known, and so are the designs of gaits.
     """
-    rows = [summary_row(where(draws, gait=name), designs.get(name)) for name in distinct(draws, "gait")]
+    rows = [summary_row(select(draws, gait=name), designs.get(name)) for name in distinct(draws, "gait")]
     write_records(folder / "speeds.csv", rows)
     best = [
         {"slope": slope, "full": full, **max(mine, key=lambda row: row["speed"])}
         for slope in distinct(screened, "slope")
         for full in sorted(distinct(screened, "full"))
-        if (mine := where(screened, slope=slope, full=full))
+        if (mine := select(screened, slope=slope, full=full))
     ]
     write_json(folder / "summary.json", {**settings, "rows": rows, "screened": best})
     write_text(folder / "table.md", text_of(settings, rows, best, rig))
@@ -159,7 +159,7 @@ def draw(rows: Sequence[Record], draws: Sequence[Record], path: Path) -> None:
         for axes, slope in zip(panels[0], slopes, strict=True):
             here = [row["gait"] for row in rows if row["slope"] == slope]
             for place, gait in enumerate(here):
-                each = [row["speed"] for row in where(draws, gait=gait) if row["draw"] >= 0]
+                each = [row["speed"] for row in select(draws, gait=gait) if row["draw"] >= 0]
                 spread = place + 0.3 * (np.arange(len(each)) / max(len(each) - 1, 1) - 0.5)
                 axes.plot(spread, each, ".", markersize=2, color=colours[kinds[gait]])
             axes.axhline(0, color="0.7", linewidth=0.6, zorder=0)

@@ -19,7 +19,7 @@ from optim.experiments.equal_cost import Arm, Contest, Entry
 from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole, some_of
-from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
+from optim.experiments.tables import Record, cell, column, distinct, markdown, page, select
 from optim.measures.statistics import known_interval, known_mean
 from optim.problems.inflatable.problem import GaitProblem
 from optim.studies.beyond.robust_gaits.judgement import judged
@@ -141,7 +141,7 @@ class Searches:
 
     def start(self, slope: float, seed: int) -> Record:
         """The wave from which a run begins: the best of its slope is that of seed 0."""
-        mine = sorted(where(self.screen, slope=slope), key=lambda row: -row["speed"])
+        mine = sorted(select(self.screen, slope=slope), key=lambda row: -row["speed"])
         if seed >= len(mine):
             raise ValueError(f"seeds: {seed + 1} are not allowed; there are {len(mine)} waves to start from")
         return mine[seed]
@@ -221,7 +221,7 @@ def rewrite(data: Data, folder: Path) -> None:
 
 def _report(folder: Path, settings: RobustSearches, rows: Sequence[Record]) -> None:
     """Write ``summary.json`` and ``table.md``, which follow from the table of runs."""
-    told = {ground: _of_ground(where(rows, ground=ground)) for ground in distinct(rows, "ground")}
+    told = {ground: _of_ground(select(rows, ground=ground)) for ground in distinct(rows, "ground")}
     write_json(folder / "summary.json", {"settings": settings.describe(), "grounds": told})
     text = (
         f"Gaits on {settings.floor}, bladders weighing, found in {settings.seconds:g} s of CPU time a run for the "
@@ -238,7 +238,7 @@ PAIRS = (("gradient-hill-climb", "hill-climb"), ("memetic", "genetic"), ("memeti
 
 def _of_ground(rows: Sequence[Record]) -> dict[str, Any]:
     """What the searches of a ground found, and how those along gradients compare with their kin without."""
-    found = {arm: where(rows, search=arm) for arm in distinct(rows, "search")}
+    found = {arm: select(rows, search=arm) for arm in distinct(rows, "search")}
     pairs = []
     for one, other in PAIRS:
         if one in found and other in found:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optim.experiments.figures import COLOURS, COLUMN, PAGE, figure
-from optim.experiments.tables import Record, where
+from optim.experiments.tables import Record, select
 from robots.course import KINDS, Course
 from taichi_sim.base.arrays import Floats, Ints
 
@@ -98,7 +98,7 @@ def _shares(axes: "Axes", machines: Mapping[str, Mapping[str, Any]]) -> None:
 def _delays(axes: "Axes", events: Sequence[Record], look: float) -> None:
     """Share of the changes that are noticed after some time."""
     for row, name in enumerate(dict.fromkeys(row["machine"] for row in events)):
-        own = where(events, machine=name)
+        own = select(events, machine=name)
         delays = np.sort([look * event["looks"] for event in own if event["looks"] is not None])
         axes.step(delays, np.arange(1, len(delays) + 1) / len(own), where="post", color=LINES[1 + row], label=name)
     axes.set(xlabel="time since the change [s]", ylabel="changes noticed [share]", ylim=(0, 1))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.results import write_json
-from optim.experiments.tables import MISSING, Record, cell, column, distinct, markdown, mean_with_interval, page, where
+from optim.experiments.tables import MISSING, Record, cell, column, distinct, markdown, mean_with_interval, page, select
 from optim.measures.statistics import wilson
 from robots.control.cyclic import SEGMENTS
 from robots.course import KINDS
@@ -48,7 +48,7 @@ def ratio(part: Floats, whole: Floats) -> tuple[float, float | None, float | Non
 
 def table_of(rows: Sequence[Record], name: str, what: str = "distance") -> Floats:
     """Distances of a machine [m], or another column, shape (seeds, courses)."""
-    own = where(rows, machine=name)
+    own = select(rows, machine=name)
     return column(own, what).reshape(len(distinct(own, "seed")), -1)
 
 
@@ -61,7 +61,7 @@ def with_best(rows: Sequence[Record], gaits: Sequence[Record]) -> list[Record]:
 
 def _summary(rows: Sequence[Record], name: str, seconds: float) -> dict[str, Any]:
     """What one kind of machine did on all courses."""
-    own, whole = where(rows, machine=name), table_of(rows, TOLD)
+    own, whole = select(rows, machine=name), table_of(rows, TOLD)
     share, low, high = ratio(table_of(rows, name), whole) if whole.mean() > 0 else (None, None, None)
     told: dict[str, Any] = {"distance": float(column(own, "distance").mean()), "share": share, "low": low, "high": high}
     for what, unit in (("switches", seconds / 60), ("false", seconds / 60), ("right", 1.0)):
@@ -75,15 +75,15 @@ def _repertoires(rows: Sequence[Record], events: Sequence[Record], gaits: Sequen
     """How each repertoire's sensing machine did beside the one that is told, and the hysteresis that it has."""
     found = []
     for seed in distinct(rows, "seed"):
-        own, changes = where(rows, seed=seed), where(events, seed=seed, machine=RULES[0])
+        own, changes = select(rows, seed=seed), select(events, seed=seed, machine=RULES[0])
         told, sensing = (table_of(own, name) for name in (TOLD, RULES[0]))
         share = ratio(sensing, told) if told.mean() > 0 else (None, None, None)
-        chosen = where(gaits, seed=seed)[0]
+        chosen = select(gaits, seed=seed)[0]
         found.append(
             {
                 "repertoire": seed,
                 **dict(zip(("share", "low", "high"), share, strict=True)),
-                "switches": int(column(where(own, machine=RULES[0]), "switches").sum()),
+                "switches": int(column(select(own, machine=RULES[0]), "switches").sum()),
                 "changes": len(changes),
                 "noticed": sum(row["looks"] is not None for row in changes),
                 **{name: chosen[name] for name in ("margin", "stay")},
@@ -96,7 +96,7 @@ def _noticed(events: Sequence[Record], name: str) -> dict[str, dict[str, Any]]:
     """How soon a machine notices changes to each kind of ground."""
     found = {}
     for kind in ("any", *KINDS):
-        own = [row for row in where(events, machine=name) if kind in ("any", row["to"])]
+        own = [row for row in select(events, machine=name) if kind in ("any", row["to"])]
         if not own:
             continue
         looks = [row["looks"] for row in own if row["looks"] is not None]
@@ -174,7 +174,7 @@ def _page(
     columns = [f"on_{kind}" for kind in KINDS]
     lines = []
     for kind in KINDS:
-        own = where(gaits, gait=kind)
+        own = select(gaits, gait=kind)
         lines.append([kind, *(mean_with_interval(column(own, name), ".2f") for name in columns)])
     parts.append(f"Speeds of the gaits [body lengths/s], means of {settings.seeds} repertoires with 95 % intervals:")
     parts.append(markdown(("gait searched on", *(f"on {kind}" for kind in KINDS)), "lrrrr", lines))

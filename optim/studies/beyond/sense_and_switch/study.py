@@ -19,7 +19,7 @@ from optim.experiments.data import Data, Kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached
 from optim.experiments.study import Count, Settings, Several, Study, Whole
-from optim.experiments.tables import Record, column, distinct, where, write_records, write_table
+from optim.experiments.tables import Record, column, distinct, select, write_records, write_table
 from optim.studies.beyond.sense_and_switch.machine import Grounds, Search, machine
 from optim.studies.beyond.sense_and_switch.noticing import Noticed, noticed
 from optim.studies.beyond.sense_and_switch.picture import Example, draw
@@ -299,11 +299,11 @@ def _check_whole(data: Data, settings: SenseAndSwitch, rows: Sequence[Record], g
     """Refuse tables in which a machine, a repertoire or a course of the settings is missing."""
     courses = [FIRST_HELD_OUT + number for number in range(settings.held_out)]
     for seed, name in product(range(settings.seeds), MACHINES):
-        if [row["course"] for row in where(rows, seed=seed, machine=name)] != courses:
+        if [row["course"] for row in select(rows, seed=seed, machine=name)] != courses:
             lacks = f"lacks rows of machine {name} of seed {seed}, or has others; give courses"
             raise ValueError(f"{data.folder / TABLE}: it {lacks} {courses[0]} to {courses[-1]} once, in this order")
     for seed in range(settings.seeds):
-        own = where(gaits, seed=seed)
+        own = select(gaits, seed=seed)
         if tuple(row["gait"] for row in own) != KINDS or sum(row["best_alone"] for row in own) != 1:
             kinds = ", ".join(KINDS)
             raise ValueError(f"{data.folder / GAITS}: seed {seed} must have gaits {kinds}, of which one is best_alone")
@@ -329,15 +329,15 @@ def _example(folder: Path, settings: SenseAndSwitch, rows: Sequence[Record]) -> 
 
     None where what machines did there is not kept.
     """
-    own = where(rows, seed=0)
-    whole, part = (column(where(own, machine=name), "distance") for name in (TOLD, "sensing"))
+    own = select(rows, seed=0)
+    whole, part = (column(select(own, machine=name), "distance") for name in (TOLD, "sensing"))
     shares = part / np.where(whole > 0, whole, np.inf)
     number = int(np.argsort(shares, kind="stable")[len(shares) // 2])
     names = distinct(own, "machine")
     arrays = Data(_parts(folder, 0)).part(f"judged{FIRST_HELD_OUT + number}", gaits="i2", places="f2")
     if arrays is None or len(arrays["gaits"]) != len(names):
         return None
-    best = int(np.argmax([column(where(own, machine=ALONE.format(kind)), "distance").mean() for kind in KINDS]))
+    best = int(np.argmax([column(select(own, machine=ALONE.format(kind)), "distance").mean() for kind in KINDS]))
     shown = [TOLD, *RULES, CHANCE, ALONE.format(KINDS[best])]
     chosen = [names.index(name) for name in shown]
     gaits, places = arrays["gaits"][chosen], arrays["places"][chosen]
