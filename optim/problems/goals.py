@@ -207,13 +207,13 @@ class Part:
         """The objective that combines the worlds."""
         return self.scored if self.combines else OBJECTIVES[self.word]()
 
-    def about(self, usual: Measure) -> Measure:
-        """Name of the measure that the goal judges by: its own, or the usual one."""
+    def measure_for(self, usual: Measure) -> Measure:
+        """The measure of the goal: its own, or the usual one if it names none."""
         return self.measure or usual
 
     def objectives(self, usual: Measure, worlds: Sequence[World]) -> tuple[Objective, ...]:
         """Names and units of the maximised objectives."""
-        measure = self.about(usual)
+        measure = self.measure_for(usual)
         if self.combines:
             return tuple(map(self.goal.renamed, self.scored.objectives(measure, worlds)))
         return tuple(map(self.goal.renamed, self.over.named(self.scored.objective(measure), worlds)))
@@ -221,12 +221,12 @@ class Part:
     def values(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
         """Compute the values to maximise, shape (N, K)."""
         if self.combines:
-            return self.goal.factor * self.scored.values(outcomes, self.about(usual))
+            return self.goal.factor * self.scored.values(outcomes, self.measure_for(usual))
         return self.over.combined(self.scores(outcomes, usual))
 
     def gradients(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
         """Compute derivatives of the maximised value by the parameters, shape (N, P)."""
-        measure = self.about(usual)
+        measure = self.measure_for(usual)
         if self.combines:
             return self.goal.factor * self.scored.gradients(outcomes, measure)
         slopes = self.goal.factor * self.scored.slopes_in(outcomes, measure)
@@ -234,7 +234,7 @@ class Part:
 
     def scores(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
         """Scores with weight and sign, shape (W, N): the worst of what is minimised is the largest."""
-        return self.goal.factor * self.scored.scores_in(outcomes, self.about(usual))
+        return self.goal.factor * self.scored.scores_in(outcomes, self.measure_for(usual))
 
 
 @dataclass(frozen=True)
@@ -261,14 +261,14 @@ class Goals(RobotObjective):
             raise ValueError("objective: each needs a method for several objectives; choose mean or worst")
 
     @property
-    def about(self) -> tuple[Measure, ...]:
-        """Names of the measures that the goals judge by."""
+    def measures(self) -> tuple[Measure, ...]:
+        """The measures of the goals that name one."""
         return tuple(part.measure for part in self.parts if part.measure)
 
     @property
     def names_all(self) -> bool:
         """Whether every goal is a measure."""
-        return len(self.about) == len(self.parts)
+        return len(self.measures) == len(self.parts)
 
     def spoken(self, measure: Measure) -> str:
         """Description of the maximised and minimised measures, for people."""
@@ -287,7 +287,7 @@ class Goals(RobotObjective):
         """Names of the measures of all goals."""
         if self.word == "each" or (len(self.parts) > 1 and not self.summed):
             raise ValueError("objective: several have no single gradient; choose a method for one objective")
-        needed = [name for part in self.terms for name in part.scored.differentiated(part.about(measure))]
+        needed = [name for part in self.terms for name in part.scored.differentiated(part.measure_for(measure))]
         return tuple(dict.fromkeys(needed))
 
     def objectives(self, measure: Measure, worlds: Sequence[World]) -> tuple[Objective, ...]:
@@ -354,7 +354,7 @@ def score_in_each(objective: RobotObjective, measure: Measure) -> Score | None:
     parts = objective.parts
     if any(part.combines for part in parts) or (len(parts) > 1 and not objective.summed):
         return None
-    told = objective.sum_of([part.goal.renamed(part.scored.objective(part.about(measure))) for part in parts])
+    told = objective.sum_of([part.goal.renamed(part.scored.objective(part.measure_for(measure))) for part in parts])
 
     def summed(outcome: Outcome) -> Floats:
         return np.asarray(np.sum([part.scores([outcome], measure)[0] for part in objective.terms], axis=0))

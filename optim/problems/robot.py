@@ -66,8 +66,8 @@ class RobotDesignProblem(RobotDesigning):
         return Space.of_parameters(self.offered.parameters)
 
     @property
-    def judged_by(self) -> Measure:
-        """Name of the measure that the objective judges by."""
+    def usual_measure(self) -> Measure:
+        """The measure of an objective that names none: that of the settings, or the robot's first."""
         measures = self.offered.measures_in(self.tried_in)
         names = [measure.name for measure in measures]
         if self.measure and self.measure not in names:
@@ -80,7 +80,7 @@ class RobotDesignProblem(RobotDesigning):
 
     @property
     def _objectives(self) -> tuple[Objective, ...]:
-        return self._objective.objectives(self.judged_by, self.tried_in)
+        return self._objective.objectives(self.usual_measure, self.tried_in)
 
     @property
     def objective_names(self) -> tuple[str, ...]:
@@ -128,7 +128,7 @@ class RobotDesignProblem(RobotDesigning):
             return self.evaluate(points)
         if gradients:
             self.check_gradients()
-        measures = tuple(self._objective.differentiated(self.judged_by)) if gradients else ()
+        measures = tuple(self._objective.differentiated(self.usual_measure)) if gradients else ()
         trial = Trial(
             self.tried_in[0],
             compute,
@@ -195,10 +195,10 @@ class RobotDesignProblem(RobotDesigning):
         points = self.space.relaxed().validate(np.atleast_2d(points))
         gradients, told = bool(trial.gradients), dataclasses.replace(trial, progress=self.progress)
         outcomes = self._trials.outcomes(self.offered, points, told)
-        values = [self._objective.values(each, self.judged_by) for each in outcomes]
+        values = [self._objective.values(each, self.usual_measure) for each in outcomes]
         limits = self._objective if isinstance(self._objective, Goals) and self._objective.limits else None
-        lost = np.max([limits.lost(each, self.judged_by) for each in outcomes], axis=0) if limits else None
-        slopes = [self._objective.gradients(each, self.judged_by) for each in outcomes] if gradients else []
+        lost = np.max([limits.lost(each, self.usual_measure) for each in outcomes], axis=0) if limits else None
+        slopes = [self._objective.gradients(each, self.usual_measure) for each in outcomes] if gradients else []
         if not self.uncertain:
             return self._evaluation(outcomes[0], values[0], slopes[0] if gradients else None, lost)
         found = under_risk(Risk.parse(self.risk), values, slopes)
@@ -213,7 +213,7 @@ class RobotDesignProblem(RobotDesigning):
         """Further files about the best robot: its measures over unseen draws, where something is uncertain."""
 
         def score(best: Robot) -> Score:
-            return score_in_each(self._objective, self.judged_by) or Score.first_of(best, stands_in=True)
+            return score_in_each(self._objective, self.usual_measure) or Score.first_of(best, stands_in=True)
 
         best = partial(self.robot_of, point)
         return held_out_products(best, self.tried_in, self.uncertain, self.risk, self.compute, score)
@@ -244,7 +244,7 @@ class RobotDesignProblem(RobotDesigning):
     def curves(self) -> Mapping[str, str]:
         """Details to plot over a search: the measure in each world, or of each goal, and what the robot adds."""
         several = self.tried_in if len(self.tried_in) > 1 else ()
-        about = (self._objective.about if isinstance(self._objective, Goals) else ()) or (self.judged_by,)
+        about = (self._objective.measures if isinstance(self._objective, Goals) else ()) or (self.usual_measure,)
         if len(about) == 1:
             name = about[0].name
             return {f"{name}_{world.name}": world.spoken or world.name for world in several} or self.offered.curves
@@ -287,9 +287,9 @@ class RobotDesignProblem(RobotDesigning):
         if len(self.tried_in) > 1:
             over = OVER.get(self.objective if isinstance(self.objective, str) else self.objective[0], "")
         if isinstance(self._objective, Goals):
-            told = self._objective.spoken(self.judged_by) + over
+            told = self._objective.spoken(self.usual_measure) + over
         else:
-            spoken = self.judged_by.spoken if first.name.endswith(self.judged_by.name) else first.name
+            spoken = self.usual_measure.spoken if first.name.endswith(self.usual_measure.name) else first.name
             told = spoken + over + (f" ({first.unit})" if first.unit else "")
         return [
             *self.offered.facts(),
