@@ -16,6 +16,7 @@ from optim.named import Designs, of_run, points_of, robot, run_in, world
 from optim.problems import precision_of_run
 from optim.progress import Update, shown_progress
 from optim.runs.config import read_config
+from optim.wording import cell_value
 from robots.robot import KINDS, OK, Measure, Outcome, Replay, Robot, World, warn_of_doubts
 from taichi_sim.base.arrays import Floats, copied, fixed
 from taichi_sim.base.checks import nearest, whole_number
@@ -204,7 +205,7 @@ class Trials:
         }
         head = "".join(f"<th>{html.escape(name + units.get(name, ''))}</th>" for name in shown)
         rows = "".join(
-            f"<tr>{''.join(f'<td>{html.escape(_cell(values[n]))}</td>' for values in shown.values())}</tr>"
+            f"<tr>{''.join(f'<td>{html.escape(cell_value(values[n]))}</td>' for values in shown.values())}</tr>"
             for n in range(min(len(self), MOST_ROWS))
         )
         more = f"<p>and {len(self) - MOST_ROWS} more</p>" if len(self) > MOST_ROWS else ""
@@ -368,8 +369,3 @@ def _recorded(tried: Robot, points: Floats, place: World, compute: Compute, upda
         return tried.replay(points[0], place, frames=POSES, compute=compute, progress=update)
     except ValueError:
         return None
-
-
-def _cell(value: Any) -> str:
-    """A value in a cell of a table."""
-    return f"{value:.5g}" if isinstance(value, float | np.floating) else str(value)

@@ -21,6 +21,7 @@ from optim.named import robot, world
 from optim.problem import OK, Evaluate, Evaluation, Problem, Request, evaluate_request
 from optim.progress import Update, shown_progress
 from optim.space import Space
+from optim.wording import cell_value
 from robots.robot import KINDS, Measure, Robot, World, kind_of_file
 from taichi_sim.base.arrays import Arrays, Floats, Ints, copied
 from taichi_sim.base.checks import nearest, whole_number
@@ -208,7 +209,7 @@ class RobotTrials:
         shown, columns = (self.ranking() or range(len(self)))[:MOST_ROWS], self.columns()
         units = {measure.name: f" [{measure.unit}]" if measure.unit else "" for measure in self.measures}
         head = "".join(f"<th>{html.escape(name + units.get(name, ''))}</th>" for name in columns)
-        cells = [[f"<td>{html.escape(_cell(values[n]))}</td>" for values in columns.values()] for n in shown]
+        cells = [[f"<td>{html.escape(cell_value(values[n]))}</td>" for values in columns.values()] for n in shown]
         rows = "".join(f"<tr>{''.join(row)}</tr>" for row in cells)
         more = f"<p>and {len(self) - len(shown)} more</p>" if len(self) > len(shown) else ""
         return f"<p>{html.escape(repr(self))}</p><table><tr>{head}</tr>{rows}</table>{more}"
@@ -387,8 +388,3 @@ def _digest(tried: Robot, place: World) -> str:
     told = [kind.name, tried.describe(), kind.world_record(place)]
     text = json.dumps(told, default=lambda value: getattr(value, "tolist", lambda: str(value))())
     return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def _cell(value: Any) -> str:
-    """A value in a cell of a table."""
-    return f"{value:.5g}" if isinstance(value, float | np.floating) else str(value)

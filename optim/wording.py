@@ -1,4 +1,7 @@
-"""Sizes and durations in words."""
+"""Sizes, durations and values of tables as text."""
+
+from numbers import Integral, Real
+from typing import Any
 
 
 def spoken_size(size: int) -> str:
@@ -13,3 +16,9 @@ def spoken_duration(seconds: float) -> str:
             amount = seconds / length
             return f"{amount:.1f} {unit}" if amount < 10 and unit != "min" else f"{amount:.0f} {unit}"
     return f"{seconds:.0f} s" if seconds >= 1.5 else f"{seconds:.2g} s"
+
+
+def cell_value(value: Any) -> str:
+    """Text of a value in a table of a notebook."""
+    decimal = isinstance(value, Real) and not isinstance(value, Integral)
+    return f"{value:.5g}" if decimal else str(value)

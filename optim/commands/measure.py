@@ -170,15 +170,15 @@ def _lines(robot: Robot, environments: "Environments", found: "BodyMetrics") -> 
     lines.append(f"M_L, succeed in all: {_share(sampled.learnability)}")
     lines.append(f"M_CI, of those that succeed in any: {_share(sampled.resistance)}; {sampled.alone:.4f} by chance")
     if found.mutations is not None:
-        lines.append(_mutations(found.mutations, _missing(robot, environments)))
+        lines.append(_mutations(found.mutations, _unit_of_missing(robot, environments)))
     if found.felt is not None:
         distance, low, high, number = found.felt
         lines.append(f"homeostasis: {distance:.4g} ({low:.4g} to {high:.4g}), of {counted(number, 'controller')}")
     return lines
 
 
-def _missing(robot: Robot, environments: "Environments") -> str:
-    """What M1 counts: a part of the bound that is missing, or where that is 0, of which there are no parts, units."""
+def _unit_of_missing(robot: Robot, environments: "Environments") -> str:
+    """Text of the unit in which M1 counts what is missing: parts of the bound, or the measure's unit if that is 0."""
     units = {measure.name: measure.unit for measure in robot.measures}
     firsts = [bounds[0] for bounds in environments.success]
     none = dict.fromkeys(units[each.measure] for each in firsts if not each.bound)

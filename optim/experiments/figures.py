@@ -129,7 +129,7 @@ def logarithmic(axes: "Axes", name: Literal["x", "y"], marks: "Sequence[float] |
 
 
 def dots(axes: "Axes", groups: "Mapping[str, np.ndarray[Any, Any]]") -> None:
-    """A row of dots for each group of values, (n,) by title, with a bar at its mean; a comma ends a line of a title."""
+    """Draw each group of values, (n,) by title, as a row of dots with a bar at its mean; a comma breaks a title."""
     for row, values in enumerate(groups.values()):
         axes.plot(values, np.full(len(values), row), "o", ms=3.5, alpha=0.5, color=COLOURS[row], mew=0)
         axes.plot(values.mean(), row, "|", ms=14, mew=2, color=COLOURS[row])

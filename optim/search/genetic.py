@@ -70,7 +70,7 @@ class GeneticSearch(PopulationSearch):
         return self._starts() if self.generation == 0 else self._children(self._generator())
 
     def _take(self, points: Floats, evaluation: Evaluation) -> None:
-        """The children and the elites, or the best of them."""
+        """Keep the best of the children and the elites, or of the starting points."""
         if self.generation == 0:
             best = np.sort(ranking(evaluation.objectives[:, 0])[: self.population])
             self.points, self.objectives = points[best], evaluation.objectives[best]

@@ -110,7 +110,7 @@ class LamarckianSearch(GeneticSearch):
         self.lived_scores = np.where(better, scores, self.lived_scores)
 
     def _learn(self, scores: Floats, slopes: Floats) -> None:
-        """A step of Adam of what is not whole, or half way back from a failure."""
+        """Move learners by a step of Adam of what is not whole, or half way back from a failure."""
         here = self.learners
         valid = method.sound(scores, slopes)
         slopes = np.where(valid[:, None] & ~self.whole, slopes, 0.0)

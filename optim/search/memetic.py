@@ -91,7 +91,7 @@ class MemeticSearch(DifferentialEvolution):
         return np.where(self.integer, self.points, self.values)
 
     def _follow(self, slopes: Floats) -> None:
-        """A step for each of the best members whose gradient is a number and leads somewhere."""
+        """Move by a step each of the best members whose gradient is a number and leads somewhere."""
         known = np.full(self.points.shape, np.nan)
         known[self._best_members()] = slopes
         valid = np.all(abs(known) < LARGEST, axis=1)

@@ -154,7 +154,7 @@ class GradientRace(IndependentSearches):
         self.anchor[:], self.step[:], self.scale[:], self.record[:] = np.nan, 0.0, 1.0, -np.inf
 
     def _climb(self, scores: Floats, slopes: Floats) -> None:
-        """A step of Adam for each climber that races, or half way back where one failed."""
+        """Move each climber that races by a step of Adam, or half way back if it failed."""
         rows = self._rows
         valid = method.sound(scores, slopes)
         self.record[rows] = np.maximum(self.record[rows], np.where(valid, scores, -np.inf))

@@ -124,7 +124,7 @@ class StochasticAscent(IndependentSearches):
             self.batch, self.phase = self.batch + 1, EVALUATING
 
     def _climb(self, scores: Floats, slopes: Floats) -> None:
-        """A step of Adam for each climber, or back to its average where one failed."""
+        """Move each climber by a step of Adam, or back to its average if it failed."""
         valid = method.sound(scores, slopes)
         slopes = np.where(valid[:, None], slopes, 0.0)
         free = free_variables(self.space, self.here, slopes) & ~self.space.integers

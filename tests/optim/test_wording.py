@@ -1,6 +1,7 @@
+import numpy as np
 import pytest
 
-from optim.wording import spoken_duration, spoken_size
+from optim.wording import cell_value, spoken_duration, spoken_size
 from taichi_sim.base.short_text import counted
 
 
@@ -24,3 +25,17 @@ def test_sizes_are_told_in_units_that_fit(size, told):
 )
 def test_durations_are_told_in_units_that_fit(seconds, told):
     assert spoken_duration(seconds) == told
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [
+        (1.23456789, "1.2346"),
+        (np.float32(0.5), "0.5"),
+        (np.int64(123456789), "123456789"),
+        (True, "True"),
+        ("ok", "ok"),
+    ],
+)
+def test_decimals_of_cells_are_short(value, told):
+    assert cell_value(value) == told

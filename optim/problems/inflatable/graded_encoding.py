@@ -105,13 +105,13 @@ class GradedGait(GaitEncoding):
         )
 
     def _by_levels(self, values: Floats, slopes: Floats) -> Floats:
-        """Derivatives by the inflation that genes tell, shape (8, T): zero where it is clipped."""
+        """Derivatives with respect to the inflation that genes encode, shape (8, T): zero where it is clipped."""
         inflation = self._present_tables(values)[0]
         by_levels = slopes_before(np.clip(inflation, 0.0, 1.0), slopes, self.most_full)
         return by_levels * ((inflation > 0) & (inflation < 1))
 
     def _by_grip(self, values: Floats, sharpness: float, slopes: Floats) -> Floats:
-        """Derivatives by the grip that genes tell, shape (2, T)."""
+        """Derivatives with respect to the grip that genes encode, shape (2, T)."""
         return slopes * self._graded(values).sharpening_slope(sharpness)[BLADDERS:]
 
     @property

@@ -152,7 +152,7 @@ def draw_curves(curves: Mapping[Place, Floats], path: Path) -> None:
 
 
 def _scale_by_decades(axes: Any) -> None:
-    """A logarithmic scale whose few labels are plain numbers, also within a decade."""
+    """Scale an axis by logarithms, with a few labels that are plain numbers, also within a decade."""
     from matplotlib.ticker import LogLocator
 
     logarithmic(axes, "y")

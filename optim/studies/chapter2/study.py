@@ -108,7 +108,7 @@ def files_of(settings: Interference, figures: bool) -> list[str]:
 
 
 def study(folder: Path, settings: Effort, progress: Progress = None) -> None:
-    """The nine treatments in two and in four environments, and each robot on each light alone.
+    """Run the nine treatments in two and in four environments, and each robot on each light alone.
 
     Writes ``two`` and ``four``, with tables and pictures each, and ``alone.csv``.
     """

@@ -168,7 +168,7 @@ def _row(name: str, each: Example) -> tuple[Any, ...]:
 
 
 def save_examples(bodies: Mapping[str, Example], lights: Floats, path: Path) -> None:
-    """A row for each body: its sensors, the paths of the controller that is safest to succeed, its success matrix.
+    """Draw a row for each body: its sensors, the paths of the controller that is safest to succeed, its success matrix.
 
     All paths have one scale, and leave the panel where they leave that part of the world.
     """
@@ -212,7 +212,7 @@ def save_landscape(overlaps: Mapping[str, Bytes], path: Path, first: str = "A") 
 
 
 def save_sketches(bodies: Mapping[str, VehicleBody], path: Path) -> None:
-    """The places of bodies' sensors side by side, by their names."""
+    """Draw the places of bodies' sensors side by side, by their names."""
     with figure(path, PAGE, 2.6, "A", ncols=len(bodies), sharey=True) as (_, panels):
         for axes, (name, body) in zip(panels[0], bodies.items(), strict=True):
             draw_body(axes, body)

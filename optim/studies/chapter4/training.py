@@ -278,7 +278,7 @@ SYMBOLS = {"M_L": "$M_L$", "M_CI": "$M_{CI}$"}
 
 
 def save_training(table: TrainingTable, sweep: SweepTable, path: Path) -> None:
-    """A row for each method, a column for each metric; a point for each body, the mean of its runs. Beside it: CSV."""
+    """Draw a row for each method, a column for each metric; a point is a body, the mean of its runs. Beside it: CSV."""
     part, means = sweep.rows(table.designs), table.evaluations.mean(axis=2)
     found = {(c.method, c.metric): c.found for c in metric_correlations(table, part) if c.over == "bodies"}
     size = 5.0 if len(part.designs) < MANY else 2.0

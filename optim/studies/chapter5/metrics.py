@@ -204,7 +204,7 @@ METRICS = {"M_L": "learnability $M_L$", "M_CI": "resistance to\ninterference $M_
 
 
 def draw(rows: Sequence[Record], path: Path) -> None:
-    """A row for each metric, a column for each threshold; pressure across, orientation upwards.
+    """Draw a row for each metric, a column for each threshold; pressure across, orientation upwards.
 
     A body has no M_CI, "none", where no gait succeeds anywhere.
     """

@@ -280,7 +280,7 @@ def text_of(rows: Sequence[Record]) -> str:
 
 
 def draw(rows: Sequence[Record], path: Path) -> None:
-    """The share of the unchanged robot's distance against the factor, a panel for each behaviour.
+    """Draw the share of the unchanged robot's distance against the factor, a panel for each behaviour.
 
     Means with their standard deviations, through 1 where nothing is changed.
     """

@@ -147,7 +147,7 @@ def _spread(rows: Sequence[Record], learners: Mapping[str, str]) -> list[str | l
 
 
 def _with_interval(found: Correlation) -> str:
-    """A correlation with its interval."""
+    """Text of a correlation with its interval; a dash if it has none."""
     if found.r is None or found.low is None or found.high is None:
         return "-"
     return f"{found.r:.2f} ({found.low:.2f} to {found.high:.2f})"

@@ -55,7 +55,7 @@ def draw(
 
 
 def _course(axes: "Axes", example: Example) -> None:
-    """The course from the side, and above it which gait each machine played where."""
+    """Draw the course from the side, and above it which gait each machine played where."""
     end = float(example.places.max()) + 0.05
     x = np.linspace(-0.05, end, 2000)
     height, kind = example.course.height(x), example.course.kind(x)
@@ -76,7 +76,7 @@ def _course(axes: "Axes", example: Example) -> None:
 
 
 def _time(axes: "Axes", example: Example, look: float) -> None:
-    """How far each machine of the example is, over time."""
+    """Draw how far each machine of the example is, over time."""
     times = look * np.arange(example.places.shape[1])
     for row, name in enumerate(example.names):
         axes.plot(times, example.places[row], color=LINES[row], label=name)
@@ -85,7 +85,7 @@ def _time(axes: "Axes", example: Example, look: float) -> None:
 
 
 def _shares(axes: "Axes", machines: Mapping[str, Mapping[str, Any]]) -> None:
-    """How far every machine goes beside the told one."""
+    """Draw how far every machine goes, as a share of what the told one does."""
     names = [name for name in machines if machines[name]["share"] is not None][::-1]
     middle, low, high = (np.array([machines[name][key] for name in names]) for key in ("share", "low", "high"))
     rows = np.arange(len(names))
