@@ -1,7 +1,6 @@
 """Several searches that differ in their seed: which, and one after the other, each in a folder of its own."""
 
 import argparse
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -101,7 +100,7 @@ def search_each(args: argparse.Namespace, search: Callable[[argparse.Namespace],
     texts, code = list[str](), 0
     for number, seed in enumerate(args.seeds, 1):
         if not args.quiet:
-            print(f"seed {seed}, {number} of {len(args.seeds)}", file=sys.stderr)
+            note(f"seed {seed}, {number} of {len(args.seeds)}")
         report = search(argparse.Namespace(**{**vars(args), "seed": seed, "out": folder_of_seed(args.out, seed)}))
         documents.append({"seed": seed, **(report.document if isinstance(report.document, dict) else {})})
         texts.append(report.text)

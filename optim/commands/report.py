@@ -1,7 +1,6 @@
 """``morpholab report``: runs and studies as a page to read, print and share."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from optim.commands import Report, options
@@ -81,7 +80,7 @@ def _watch(args: argparse.Namespace) -> Report:
     followed = len(runs.state())
     with LiveServer(runs, args.port or 0) as server:
         told = f"{counted(followed, 'run')}: {server.url} (on this machine alone; Ctrl-C ends it)"
-        print(told, file=sys.stderr, flush=True)
+        note(told)
         try:
             server.serve_forever()
         except KeyboardInterrupt as interrupt:

@@ -142,7 +142,8 @@ def test_the_command_serves_until_it_is_interrupted(runs):
     heard = {**os.environ, "PYTHONPATH": str(ROOT)}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=heard, preexec_fn=heed_interrupts) as process:
         line = process.stderr.readline()
-        told = re.fullmatch(r"1 run: http://127\.0\.0\.1:(\d+)/ \(on this machine alone; Ctrl-C ends it\)\n", line)
+        address = r"http://127\.0\.0\.1:(\d+)/ \(on this machine alone; Ctrl-C ends it\)"
+        told = re.fullmatch(rf"morpholab report: note: 1 run: {address}\n", line)
         asked = http.client.HTTPConnection("127.0.0.1", int(told[1]))
         asked.request("GET", "/")
         assert "<title>Runs</title>" in asked.getresponse().read().decode()
