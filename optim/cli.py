@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from optim.commands import (
-    FAILED,
     bench,
     calibrate,
     codesign,
@@ -37,6 +36,7 @@ from optim.commands import (
     work,
 )
 from optim.commands.robots import RobotOptions
+from optim.exit_codes import BAD_INPUT, BUG, CLOSED_PIPE, FAILED
 from optim.interrupts import EndedBySignals, stopped_by
 from optim.notes import notes, plain, say
 from taichi_sim.base.checks import nearest
@@ -46,10 +46,8 @@ from taichi_sim.base.foreign import OWN_PACKAGES, blame, blame_package, lacks_me
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
 
-CLOSED_PIPE = 141  # as shells report SIGPIPE
 ROBOT_FLAGS = "--robot", "--gait"  # that name the robot, where commands have them
 BARE_ROBOTS = "source", "sources"  # names of arguments without a flag that name robots
-BUG = 70  # EX_SOFTWARE of sysexits.h
 LONGEST_SUMMARY = 300  # characters of an unexpected exception in a message
 
 
@@ -57,7 +55,7 @@ class _Parser(RobotOptions):
     """A parser that says what is wrong in one line, without the usage."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, plain(f"{self.prog}: error: {' '.join(message.split())}") + "\n")
+        self.exit(BAD_INPUT, plain(f"{self.prog}: error: {' '.join(message.split())}") + "\n")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse, and refuse what is unknown with what was likely meant."""
@@ -226,11 +224,13 @@ def _refuse(command: str, error: Exception) -> int:
     if told := blame(error):
         return _fail(command, f"failed: {told}", FAILED)
     if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
-        return _fail(command, f"error: a name of {len(str(error.filename))} characters is too long for a file", 2)
+        return _fail(
+            command, f"error: a name of {len(str(error.filename))} characters is too long for a file", BAD_INPUT
+        )
     if isinstance(error, OSError) and error.filename is not None:
         error = _unusable(error)
     if isinstance(error, ValueError):
-        return _fail(command, f"error: {error}", 2)
+        return _fail(command, f"error: {error}", BAD_INPUT)
     if not isinstance(error, OSError) and (told := blame_package(error)):
         return _fail(command, f"failed: {told}", FAILED)
     # A RecursionError is a RuntimeError of Python's own, which says nothing to a user.

@@ -15,7 +15,7 @@ def start() -> int:
 
         return main()
     except KeyboardInterrupt:  # before a command has begun, which tells of it itself
-        from optim.interrupts import INTERRUPTED
+        from optim.exit_codes import INTERRUPTED
 
         print("morpholab: interrupted", file=sys.stderr)  # silent, if stderr is closed
         return INTERRUPTED

@@ -8,8 +8,8 @@ from contextlib import AbstractContextManager
 from types import FrameType, TracebackType
 from typing import Any
 
-HUNG_UP, INTERRUPTED, TERMINATED = 129, 130, 143  # exit codes, as shells report signals
-STOPPED = (HUNG_UP, INTERRUPTED, TERMINATED)
+from optim.exit_codes import HUNG_UP, INTERRUPTED, TERMINATED
+
 REPEATED_AFTER = 0.5  # s, of an interrupt that something has swallowed
 
 

@@ -5,9 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from optim.exit_codes import FAILED
 from optim.interrupts import stopped_by
-
-FAILED = 1  # exit code
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import Any
 
 from optim.commands import Report
 from optim.commands.options import Option, checked, setting
-from optim.interrupts import STOPPED
+from optim.exit_codes import STOPPED
 from optim.notes import note
 from optim.runs.config import folder_of_seed, folders_of_seeds, has_run, run_of_any_seed
 

@@ -3,8 +3,9 @@
 import argparse
 from dataclasses import asdict
 
-from optim.commands import FAILED, Report, goes_on
+from optim.commands import Report, goes_on
 from optim.commands.options import QUIET, THREADS, Command, Option, file_text, path_to
+from optim.exit_codes import FAILED
 from optim.progress import shown_progress
 from taichi_sim.base.short_text import decimal
 

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from optim.commands import FAILED, Report, options
+from optim.commands import Report, options
 from optim.commands.options import Command, Option, count, file_text, flag, path_to
 from optim.commands.robots import TABLE_FILE, kinds_of_robot, loaded, named_doing, world_and_own
 from optim.doubts import doubts_after
+from optim.exit_codes import FAILED
 from optim.notes import note
 from optim.progress import shown_progress
 from robots.robot import KINDS, OK, Outcome, Robot, World

@@ -8,9 +8,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optim.commands import FAILED, Report, goes_on, options
+from optim.commands import Report, goes_on, options
 from optim.commands.options import QUIET, Command, Option, count, path_to, whole
 from optim.commands.robots import Named, kinds_of_words, loaded, named_source, world_and_own
+from optim.exit_codes import FAILED
 from optim.notes import note
 from optim.progress import shown_progress
 from optim.runs.config import has_run, run_of_any_seed

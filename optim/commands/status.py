@@ -3,7 +3,8 @@
 import argparse
 from typing import Any
 
-from optim.commands import FAILED, Report, options
+from optim.commands import Report, options
+from optim.exit_codes import FAILED
 from optim.problem import Objective
 from optim.wording import spoken_duration
 from taichi_sim.base.short_text import counted
