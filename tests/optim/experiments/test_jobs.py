@@ -94,7 +94,7 @@ def test_an_interrupt_ends_all(tmp_path):
 
 
 def test_a_hunt_in_two_processes_finds_the_same(tmp_path, monkeypatch):
-    monkeypatch.setattr(hunting, "_search", search)
+    monkeypatch.setattr(hunting, "search_once", search)
     monkeypatch.setattr(simulation, "simulate", Hill())  # of the finalists
     settings = hunting.Hunt(20, (0, 1), ("genetic",), finalists=1, runs=1)
     hunting.study(tmp_path / "one", settings, threads=1)

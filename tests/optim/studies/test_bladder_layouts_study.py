@@ -2,14 +2,13 @@
 
 import dataclasses
 import json
-import shutil
 
 import numpy as np
 import pytest
 from linear_robot import Linear
+from study_checks import check_rewritten, check_runs_needed
 
 from optim import cli
-from optim.experiments.data import Data
 from optim.experiments.tables import read_records, select
 from optim.studies.beyond.bladder_layouts import BODIES, EVOLVED, STUDY, Enumeration, rewrite, study
 from robots.inflatable import load_design
@@ -53,13 +52,8 @@ def test_every_body_is_searched_by_as_many_evaluations_in_the_ways_that_it_lies(
     study(folder, longer)  # the runs go on, and what they found is played again
     rows = read_records(folder / "runs.csv")
     assert [row["evaluations"] for row in rows] == [16] * 6 and "Evolution" not in (folder / "table.md").read_text()
-    (tmp_path / "told").mkdir()
-    rewrite(Data(folder), tmp_path / "told")
-    for name in ("summary.json", "table.md"):
-        assert (tmp_path / "told" / name).read_bytes() == (folder / name).read_bytes()
-    shutil.rmtree(folder / "runs")
-    with pytest.raises(ValueError, match=r"^out: .* holds tables without their runs; name a new folder, or give it to"):
-        study(folder, SHORT)
+    check_rewritten(rewrite, folder, tmp_path / "told")
+    check_runs_needed(study, folder, SHORT)
 
 
 def sampled(settings):

@@ -2,14 +2,13 @@
 
 import dataclasses
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from graded import retabled, settling, tabled
+from hill import Hill, strides
 from hypothesis import given
 from hypothesis import strategies as st
-from stand_in import check_options
 
 from optim.experiments.data import Data
 from optim.runs.generation import Generation
@@ -29,7 +28,7 @@ from optim.studies.beyond.gait_hunt.program import (
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING, sideways, simulation
 from robots.inflatable.design import InflatableDesign, load_design
 from robots.inflatable.simulation import simulate
-from robots.inflatable.timing import WHOLE, gait_steps
+from robots.inflatable.timing import gait_steps
 from robots.world import Terrain
 
 BODY = NAMED_GEOMETRIES["published"]
@@ -39,32 +38,19 @@ PLAN = Plan(
 FEW = climb.Climb((0,), PLAN, finalists=2, runs=2)
 
 
-class Slopes:
+class Slopes(Hill):
     """Stands in for the simulator: the less of the core is full and the more the top moves, the steeper it climbs."""
 
-    def __init__(self):
-        self.calls = 0
+    def __call__(self, designs, terrain=None, **options):
+        found = super().__call__(designs, terrain, **options)
+        way = np.deg2rad(80.0)
+        found.displacement = strides(designs, 4)[:, None] * [np.cos(way), np.sin(way)]
+        return found
 
-    def __call__(self, designs, terrain=None, *, counting=WHOLE, actuation=None, perturbation=0.0, **options):
-        check_options(options)
-        self.calls += 1
-        warm_up, stages = counting.warm_up, counting.stages
-        strides = np.array([np.ptp(design.schedule.inflation[:4], axis=1).mean() for design in designs])
+    def speeds(self, designs, terrain, actuation):
         heavy = np.array([design.pressure for design in designs]) / 12e3 + terrain.slope / 15
         away = np.abs(np.array([design.orientation for design in designs]) - 80) / 80
-        speed = 0.1 * strides - 0.05 * (heavy + away)
-        steps = np.array([gait_steps(design.schedule) for design in designs]) - warm_up
-        distance = speed * steps * 1.0602478e-4 * 0.22
-        way = np.deg2rad(80.0)
-        return SimpleNamespace(
-            distance=distance,
-            speed=speed,
-            status=np.full(len(designs), "ok"),
-            steps=steps,
-            displacement=strides[:, None] * [np.cos(way), np.sin(way)],
-            stages=np.repeat(distance[:, None] / stages, stages, axis=1),
-            time_step=1.0602478e-4,
-        )
+        return 0.1 * strides(designs, 4) - 0.05 * (heavy + away)
 
 
 @pytest.fixture

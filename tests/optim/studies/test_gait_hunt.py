@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import shutil
 
 import numpy as np
 import pytest
@@ -10,9 +9,9 @@ from graded import tabled
 from hill import Hill
 from hypothesis import given
 from hypothesis import strategies as st
+from study_checks import check_rewritten, check_runs_needed
 
 from optim.experiments.comparison import differences, table_of_differences
-from optim.experiments.data import Data
 from optim.measures.statistics import holm
 from optim.problem import Evaluation, Request
 from optim.problems.inflatable.outcomes import Outcomes, effort
@@ -271,14 +270,9 @@ def test_a_study_tells_of_every_search_and_goes_on(hill, tmp_path, monkeypatch):
     hunting.study(tmp_path / "hunt", settings)
     assert hill.calls == calls  # all is kept
     assert before == {name: (tmp_path / "hunt" / name).read_bytes() for name in before}
-    (tmp_path / "told").mkdir()
-    hunting.rewrite(Data(tmp_path / "hunt"), tmp_path / "told")
+    check_rewritten(hunting.rewrite, tmp_path / "hunt", tmp_path / "told")
     assert hill.calls == calls  # made from the tables alone
-    assert json.loads((tmp_path / "told/summary.json").read_text()) == summary
-    assert (tmp_path / "told/table.md").read_bytes() == before["table.md"]
-    shutil.rmtree(tmp_path / "hunt" / "runs")
-    with pytest.raises(ValueError, match=r"^out: .* holds tables without their runs; name a new folder, or give it to"):
-        hunting.study(tmp_path / "hunt", settings)
+    check_runs_needed(hunting.study, tmp_path / "hunt", settings)
     assert before == {name: (tmp_path / "hunt" / name).read_bytes() for name in before}
 
 

@@ -2,13 +2,12 @@
 
 import dataclasses
 import json
-import shutil
 
 import numpy as np
 import pytest
 from linear_robot import Linear
+from study_checks import check_rewritten, check_runs_needed
 
-from optim.experiments.data import Data
 from optim.experiments.tables import read_records, select
 from optim.studies.beyond.inflatable_gradients import ARMS, FLAT, HILL, STUDY, WORLDS, Comparison, rewrite, study
 from robots.inflatable import load_design
@@ -65,13 +64,8 @@ def test_runs_are_kept_and_tables_follow_from_what_they_found(linear, tmp_path):
     assert len(linear.calls) == before and (folder / "table.md").read_text() == page
     study(folder, dataclasses.replace(SHORT, seconds=0.1))  # the runs go on, and what they found is played again
     assert len([call for call in linear.calls[before:] if call.precision == "f64"]) == 12
-    (tmp_path / "told").mkdir()
-    rewrite(Data(folder), tmp_path / "told")
-    for name in ("summary.json", "table.md"):
-        assert (tmp_path / "told" / name).read_bytes() == (folder / name).read_bytes()
-    shutil.rmtree(folder / "runs")
-    with pytest.raises(ValueError, match=r"^out: .* holds tables without their runs; name a new folder, or give it to"):
-        study(folder, SHORT)
+    check_rewritten(rewrite, folder, tmp_path / "told")
+    check_runs_needed(study, folder, SHORT)
 
 
 def test_every_search_has_over_a_hundred_variables_in_every_world():

@@ -81,7 +81,7 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
     check_runs(folder, "gait-hunt", TABLES, FILES)
     searches, found, bests = settings.searches, dict[Run, Course](), dict[Run, Finalist | None]()
     parts = [(name, seed) for seed in settings.seeds for name in searches]
-    tasks = [(f"{name}-{seed}", partial(_search, folder, settings, name, seed)) for name, seed in parts]
+    tasks = [(f"{name}-{seed}", partial(search_once, folder, settings, name, seed)) for name, seed in parts]
     run_parallel(tasks, jobs, compute, part_of(progress, 0, 10, 9))
     judged = {name: folder / "runs" / f"{name}.json" for name in searches}
     for number, ((name, seed), (_, search)) in enumerate(zip(parts, tasks, strict=True)):
@@ -116,7 +116,9 @@ def _problem(hunt: Hunt, name: str, compute: Mapping[str, Any]) -> GaitProblem:
     return SEARCHES[name].problem_on(hunt.terrain, geometry=hunt.geometry, **compute)
 
 
-def _search(folder: Path, hunt: Hunt, name: str, seed: int, compute: Mapping[str, Any], progress: Progress) -> Course:
+def search_once(
+    folder: Path, hunt: Hunt, name: str, seed: int, compute: Mapping[str, Any], progress: Progress
+) -> Course:
     """One run; its finalists come later."""
     path, problem = folder / "runs" / f"{name}-{seed}", _problem(hunt, name, compute)
     settings = {**SEARCHES[name].settings, "seed": seed}
