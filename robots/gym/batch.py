@@ -160,9 +160,16 @@ def checked_actions(space: gymnasium.Space[Any], actions: Any) -> Floats:
     """
     given = np.asarray(actions)
     if given.dtype.kind in "biuf":
-        given = given.astype(space.dtype or float)
+        given = _in_type_of(space, given)
     if not space.contains(given):
         text = np.array2string(given, threshold=12)
         raise ValueError(f"action: {text!r} is not allowed; give one of {space}")
     found: Floats = given.astype(np.float64)
     return found
+
+
+def _in_type_of(space: gymnasium.Space[Any], given: np.ndarray) -> np.ndarray:
+    """Numbers in the type of a space; as they are where that is of whole numbers and would make others of them."""
+    with np.errstate(invalid="ignore"):  # numbers beyond the range of the type
+        cast = given.astype(space.dtype or float)
+    return cast if cast.dtype.kind == "f" or np.array_equal(cast, given) else given

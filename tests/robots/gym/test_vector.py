@@ -12,8 +12,9 @@ from gymnasium.wrappers.vector import NumpyToTorch as VectorNumpyToTorch
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import robots.gym
-from robots.gym.batch import FAILED_RETURN
+from robots.gym.batch import FAILED_RETURN, checked_actions
 from robots.gym.lattice_robot import LatticeRobotVector
+from robots.gym.pancake import PancakeEnvironment, PancakeVector
 from robots.gym.vehicle import VehicleVector
 from robots.inflatable import SMALL, InflatableActuation
 from robots.lattice_robot.presets import soft_quadruped
@@ -193,3 +194,26 @@ def test_actions_outside_their_space_are_refused():
     for action in (np.zeros(2), np.full((2, 2), 2.0), np.full((2, 2), np.nan)):
         with pytest.raises(ValueError, match=r"^action: .* is not allowed; give one of Box"):
             many.step(action)
+
+
+@pytest.mark.kernels
+def test_bits_are_0_or_1():
+    """Others were cast before they were looked at: 0.5 and -0.9 were 0, and 257 was 1."""
+    one, many = PancakeEnvironment(actions="bits", **PANCAKE), PancakeVector(2, actions="bits", **PANCAKE)
+    one.reset(), many.reset()
+    for wrong in (0.5, -0.9, 257, np.nan, -1):
+        action = np.array([1.0] * 9 + [wrong])
+        for environment, given in ((one, action), (many, np.stack([action * 0, action]))):
+            with pytest.raises(ValueError, match=r"^action: .* is not allowed; give one of (Multi|Box)"):
+                environment.step(given if wrong != 257 else given.astype(int))
+    for kind in (np.int64, bool, float, np.float32):
+        bits = np.array([0, 1] * 5).astype(kind)
+        for space, given in ((one.action_space, bits), (many.action_space, np.stack([bits, 1 - bits * 1]))):
+            found = checked_actions(space, given)
+            assert found.dtype == np.float64 and np.array_equal(found, given)
+
+
+def test_actions_are_rounded_to_the_precision_of_a_space():
+    """A third is none of the numbers of single precision."""
+    space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
+    assert checked_actions(space, np.array([1 / 3])) == np.float32(1 / 3)
