@@ -10,9 +10,10 @@ from robots.gym.batch import Account, Batch, Observation, checked_actions
 from robots.gym.pictures import RENDER_MODES, Pictures
 from robots.world import Terrain
 from taichi_sim.base.arrays import Bools, Bytes, Ints
-from taichi_sim.base.checks import shown
+from taichi_sim.base.checks import shown, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
 
+LARGEST_SEED = 2**128 - 1  # as NumPy draws seeds of its own
 FARTHEST = 100.0  # of what is felt: numbers beyond are cut off
 # A robot that was interrupted within a step stands somewhere between two.
 UNBEGUN = "reset the environment before its first step, and after one that was interrupted"
@@ -46,6 +47,11 @@ def named_world(given: object, allowed: str = "give a terrain, or its name") -> 
         return Terrain.parse(given)
     except ValueError as error:
         raise ValueError(f"world: {str(error).removeprefix('terrain: ')}") from None
+
+
+def _seed(given: Any) -> int:
+    """A seed as an int, of a number or an array of a single one; a ValueError for what is not whole."""
+    return whole_number("seed", given.item() if isinstance(given, np.ndarray) else given, 0, LARGEST_SEED)
 
 
 class RobotEnvironment(gymnasium.Env[Observation, Any]):
@@ -138,13 +144,24 @@ class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
             seed: seed of the first robot; those of the others follow it. Or a list of one each.
             options: of the environment of one robot, a value for all or a list of one each.
         """
-        following = [seed + robot for robot in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
-        for robot, one in enumerate(self._each("seed", following)):
+        seeds = self._seeds(seed)
+        for robot, one in enumerate(seeds):
             if one is not None:
-                self._generators[robot], _ = gymnasium.utils.seeding.np_random(int(one))
+                self._generators[robot], _ = gymnasium.utils.seeding.np_random(one)
         self._begin(np.arange(self.num_envs), options or {})
         info, self._whole = self._info(), True
         return self._account.observed.copy(), info
+
+    def _seeds(self, seed: Any) -> list[int | None]:
+        """The seed of each robot, or None for those that draw on.
+
+        Raises:
+            ValueError: for what is no whole number, or as many as there are not robots.
+        """
+        if seed is not None and np.ndim(seed) == 0:
+            first = _seed(seed)
+            return [first + robot for robot in range(self.num_envs)]
+        return [None if one is None else _seed(one) for one in self._each("seed", seed)]
 
     def _begin(self, which: Ints, options: dict[str, Any]) -> None:
         """Begin episodes of some robots."""

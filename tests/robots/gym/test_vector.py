@@ -196,6 +196,22 @@ def test_actions_outside_their_space_are_refused():
             many.step(action)
 
 
+def test_seeds_are_whole_numbers():
+    """One of 1.5 was that of every robot, and so was an array of a single number."""
+    many = VehicleVector(3)
+
+    def drawn(seed):
+        many.reset(seed=seed)
+        return [generator.integers(1000) for generator in many._generators]
+
+    assert len({*drawn(3)}) == 3
+    assert drawn(np.array(3)) == drawn(np.uint8(3)) == drawn([3, 4, 5]) == drawn(np.arange(3, 6)) == drawn(3)
+    assert drawn([None, 4, None])[1] == drawn(3)[1]
+    for seed in (1.5, np.array(1.5), [1, 1.5, 2], -1, True, "1"):
+        with pytest.raises(ValueError, match=r"^seed: \S+ is not allowed; give a whole number, at least 0$"):
+            many.reset(seed=seed)
+
+
 @pytest.mark.kernels
 def test_bits_are_0_or_1():
     """Others were cast before they were looked at: 0.5 and -0.9 were 0, and 257 was 1."""
