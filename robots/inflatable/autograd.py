@@ -4,6 +4,7 @@ It imports torch, as only ``taichi_sim.lattice.autograd`` and ``robots.control.t
 """
 
 from collections.abc import Sequence
+from functools import reduce
 from typing import Any, Unpack
 
 import numpy as np
@@ -30,9 +31,9 @@ def travel(
     repeats: int = 2,
     **options: Unpack[GradientOptions],
 ) -> torch.Tensor:
-    """Distances [m] that a batch of designs travels, shape (B,).
+    """Distances [m] that a batch of designs travels, shape (B,), in the widest floating type of the tensors.
 
-    Every tensor that requires a gradient gets one.
+    They are float64 where all are whole numbers. Every tensor that requires a gradient gets one.
 
     Args:
         pressure: of the core [Pa], shape (B,), or of each of N cores, shape (B, N).
@@ -57,7 +58,7 @@ class _Travel(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, settings: tuple[Any, ...], *tensors: torch.Tensor) -> torch.Tensor:
         terrains, repeats, options = settings
-        arrays = [t.detach().cpu().numpy().astype(float) for t in tensors]
+        arrays = [t.detach().cpu().double().numpy() for t in tensors]
         cores = arrays[4] if len(arrays) > 4 else [None] * len(terrains)
         designs = [
             InflatableDesign(p, float(o), GaitSchedule(np.concatenate([i, g]), repeats, c, skip_idle=False))
@@ -76,11 +77,13 @@ class _Travel(torch.autograd.Function):
         if lost.size:
             raise ValueError(f"robot {lost[0]}: diverged; it has no distance")
         ctx.slopes, ctx.kinds = slopes, [{"dtype": t.dtype, "device": t.device} for t in tensors]
-        return torch.from_numpy(distance).to(**ctx.kinds[0])
+        floating = [t.dtype for t in tensors if t.is_floating_point()] or [torch.float64]
+        return torch.from_numpy(distance).to(reduce(torch.promote_types, floating)).to(tensors[0].device)
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, cotangent: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
         weights = cotangent.cpu().numpy().astype(float)
         parts = (s * weights.reshape(-1, *[1] * (s.ndim - 1)) for s in ctx.slopes)
-        return None, *(torch.from_numpy(p).to(**kind) for p, kind in zip(parts, ctx.kinds, strict=True))
+        found = zip(parts, ctx.kinds, strict=True)
+        return None, *(torch.from_numpy(p).to(**k) if k["dtype"].is_floating_point else None for p, k in found)

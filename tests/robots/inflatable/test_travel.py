@@ -1,0 +1,46 @@
+"""The inflatable robot as a function of torch tensors: types, shapes and options of what is given."""
+
+import pytest
+import torch
+
+from robots.inflatable import SMALL, InflatableActuation
+from robots.inflatable.autograd import travel
+
+QUICK = InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=100, settle_steps=30)
+OPTIONS = {"geometry": SMALL, "actuation": QUICK, "repeats": 1}
+
+
+def tensors(columns: int = 1) -> dict[str, torch.Tensor]:
+    """Two designs, in double precision."""
+    random = torch.Generator().manual_seed(0)
+    levels = torch.rand(2, 10, columns, dtype=torch.float64, generator=random)
+    return {
+        "pressure": torch.tensor([2000.0, 3008.0], dtype=torch.float64),
+        "orientation": torch.tensor([80.0, 30.0], dtype=torch.float64),
+        "inflation": levels[:, :8],
+        "grip": levels[:, 8:],
+    }
+
+
+@pytest.mark.kernels
+def test_distances_have_the_widest_type_of_the_tensors():
+    """They had that of the pressures: 0 m for whole ones, without a gradient, and three digits in half precision."""
+    inputs, distances, slopes = tensors(), [], []
+    for kind in (torch.float64, torch.int64, torch.bfloat16):
+        given = {**inputs, "pressure": inputs["pressure"].to(kind), "inflation": inputs["inflation"].clone()}
+        given["inflation"].requires_grad_()
+        distance = travel(**given, **OPTIONS)
+        distance.sum().backward()
+        distances.append(distance)
+        slopes.append(given["inflation"].grad)
+    assert distances[0].dtype == torch.float64 and (distances[0] != 0).all() and slopes[0].abs().max() > 0
+    assert all(map(torch.equal, distances, distances[1:])) and all(map(torch.equal, slopes, slopes[1:]))
+
+
+@pytest.mark.kernels
+def test_distances_of_whole_numbers_alone_are_float64():
+    """None of the tensors floats."""
+    inputs = {name: tensor.round().long() for name, tensor in tensors().items()}
+    single = travel(**{name: tensor.float() for name, tensor in inputs.items()}, **OPTIONS)
+    found = travel(**inputs, **OPTIONS)
+    assert single.dtype == torch.float32 and found.dtype == torch.float64 and torch.equal(found.float(), single)
