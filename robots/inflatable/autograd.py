@@ -16,6 +16,7 @@ from robots.inflatable.design import InflatableDesign
 from robots.inflatable.gradient import GradientOptions, differentiate
 from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain, one_each
+from taichi_sim.lattice.checkpoints import checked_memory
 
 PARTS = ("pressure", "orientation", "inflation", "grip", "core_pressure")
 
@@ -48,6 +49,8 @@ def travel(
     Raises:
         ValueError: if an argument is not allowed, or a robot diverges, as no number would be its distance.
     """
+    if "memory" in options:  # also where there is no gradient, which would not use it
+        checked_memory(options["memory"])
     on = one_each(Terrain() if terrains is None else terrains, len(pressure))
     tensors = [pressure, orientation, inflation, grip] + ([] if core_pressure is None else [core_pressure])
     result: torch.Tensor = _Travel.apply((on, repeats, options), *tensors)  # type: ignore[no-untyped-call]

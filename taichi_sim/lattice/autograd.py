@@ -12,6 +12,7 @@ import torch
 from torch.autograd.function import once_differentiable
 
 from taichi_sim.lattice.body import LatticeBody
+from taichi_sim.lattice.checkpoints import checked_memory
 from taichi_sim.lattice.engine import LatticeEngine, LatticeState
 from taichi_sim.lattice.gradient import LatticeGradient, Tape
 from taichi_sim.lattice.materials import Material
@@ -61,6 +62,7 @@ def run(
     Raises:
         ValueError: for bad input; also if a robot diverges, as no number would be its result.
     """
+    memory = checked_memory(memory)  # also where there is no gradient, which would not use it
     given = {"values": values, "rates": rates} | {f"state.{k}": v for k, v in (state or {}).items()}
     given |= {f"materials.{k}": v for k, v in (materials or {}).items()}
     tensors = {name: torch.as_tensor(value) for name, value in given.items() if value is not None}

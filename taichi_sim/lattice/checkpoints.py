@@ -12,6 +12,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
+import numpy as np
+
+from taichi_sim.base.checks import shown
+
 FORWARD, RECORD = "forward", "record"
 MOST_LEVELS = 12
 
@@ -48,6 +52,17 @@ class Plan:
             yield FORWARD, start, mark
         for start, end in zip(reversed(marks), reversed([*marks[1:], high]), strict=True):
             yield from self.undo(start, end)
+
+
+def checked_memory(memory: object) -> float:
+    """A bound on memory [B]; infinity is none.
+
+    Raises:
+        ValueError: for what is no positive number.
+    """
+    if isinstance(memory, int | float | np.integer | np.floating) and not isinstance(memory, bool) and memory > 0:
+        return memory  # type: ignore[return-value]
+    raise ValueError(f"memory: {shown(memory)} is not allowed; give a positive number of bytes")
 
 
 def make_plan(

@@ -15,7 +15,7 @@ import numpy as np
 from taichi_sim import runtime
 from taichi_sim.base import checks
 from taichi_sim.base.short_text import ShortText
-from taichi_sim.lattice.checkpoints import FORWARD, make_plan
+from taichi_sim.lattice.checkpoints import FORWARD, checked_memory, make_plan
 from taichi_sim.lattice.fading import fade
 from taichi_sim.lattice.feedback import Feedback
 from taichi_sim.lattice.material_gradient import material_gradients
@@ -72,8 +72,7 @@ class Tape:
         feedback: Feedback | None = None,
     ) -> None:
         """Run the program; the arguments are those of ``LatticeEngine.record``."""
-        if not memory > 0:
-            raise ValueError(f"memory: {memory!r} is not allowed; give a positive number of bytes")
+        memory = checked_memory(memory)
         self._engine, self._program = engine, program
         self._initial_channels, self._start = engine.initial_channels.copy(), engine.state()
         self._run = run = engine.begin(program)

@@ -98,6 +98,8 @@ def test_bad_input():
         run(shape, plan, materials={"mass": torch.zeros(1, 2)})
     with pytest.raises(ValueError, match=r"^time_step: none given; with materials as tensors"):
         run(shape, plan, materials={"density": torch.ones(1, 2)})
+    with pytest.raises(ValueError, match=r"^memory: -1 is not allowed; give a positive number of bytes"):
+        run(shape, plan, memory=-1)
     builder = ProgramBuilder(1)
     builder.set(Quantity.FORCE, 1e6, regions=[2])
     with pytest.raises(ValueError, match=r"^robot 0: diverged at step \d+; it has no result"):

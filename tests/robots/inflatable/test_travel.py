@@ -44,3 +44,10 @@ def test_distances_of_whole_numbers_alone_are_float64():
     single = travel(**{name: tensor.float() for name, tensor in inputs.items()}, **OPTIONS)
     found = travel(**inputs, **OPTIONS)
     assert single.dtype == torch.float32 and found.dtype == torch.float64 and torch.equal(found.float(), single)
+
+
+@pytest.mark.parametrize("memory", [-1, 0, float("nan"), "much", True, None])
+def test_a_bound_on_memory_is_checked_without_a_gradient(memory):
+    """It was only looked at where something was to be kept."""
+    with pytest.raises(ValueError, match=r"^memory: \S+ is not allowed; give a positive number of bytes$"):
+        travel(**tensors(), **OPTIONS, memory=memory)
