@@ -14,7 +14,7 @@ from torch.autograd.function import once_differentiable
 from robots.inflatable import simulation
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.gradient import GradientOptions, differentiate
-from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.schedule import BLADDERS, FEET, GaitSchedule
 from robots.world import Terrain, one_each
 from taichi_sim.lattice.checkpoints import checked_memory
 
@@ -41,7 +41,8 @@ def travel(
         orientation: heading [degrees], shape (B,).
         inflation: of the bladders, 0 to 1, shape (B, 8, T).
         grip: of the feet, 0 to 1, shape (B, 2, T).
-        core_pressure: of the core at the end of each column's motion [Pa], shape (B, T), or None.
+        core_pressure: of the core at the end of each column's motion [Pa], shape (B, T), or of each of N cores, shape
+            (B, N, T), or None.
         terrains: one for all, or one per robot; flat ground by default. Robots on one terrain run as a batch.
         repeats: how often the columns are played.
         options: of ``robots.inflatable.gradient.differentiate``.
@@ -51,10 +52,34 @@ def travel(
     """
     if "memory" in options:  # also where there is no gradient, which would not use it
         checked_memory(options["memory"])
-    on = one_each(Terrain() if terrains is None else terrains, len(pressure))
-    tensors = [pressure, orientation, inflation, grip] + ([] if core_pressure is None else [core_pressure])
+    _check_shape("pressure", pressure, ("B",), ("B", "N"))
+    batch = len(pressure)
+    _check_shape("orientation", orientation, (batch,))
+    _check_shape("inflation", inflation, (batch, BLADDERS, "T"))
+    columns = inflation.shape[2]
+    _check_shape("grip", grip, (batch, FEET, columns))
+    tensors = [pressure, orientation, inflation, grip]
+    if core_pressure is not None:
+        _check_shape("core_pressure", core_pressure, (batch, columns), (batch, "N", columns))
+        tensors.append(core_pressure)
+    on = one_each(Terrain() if terrains is None else terrains, batch)
     result: torch.Tensor = _Travel.apply((on, repeats, options), *tensors)  # type: ignore[no-untyped-call]
     return result
+
+
+def _check_shape(name: str, tensor: torch.Tensor, *allowed: tuple[int | str, ...]) -> None:
+    """Refuse a tensor whose shape is none of those allowed, in which a letter is any number from 1.
+
+    Raises:
+        ValueError: that names it.
+    """
+    given = tuple(tensor.shape)
+    for shape in allowed:
+        pairs = zip(given, shape, strict=False)
+        if len(given) == len(shape) and all(n == m or (n > 0 and isinstance(m, str)) for n, m in pairs):
+            return
+    told = " or ".join(str(shape).replace("'", "") for shape in allowed)
+    raise ValueError(f"{name}: shape {given} is not allowed; give {told}")
 
 
 class _Travel(torch.autograd.Function):

@@ -1,5 +1,7 @@
 """The inflatable robot as a function of torch tensors: types, shapes and options of what is given."""
 
+import re
+
 import pytest
 import torch
 
@@ -51,3 +53,39 @@ def test_a_bound_on_memory_is_checked_without_a_gradient(memory):
     """It was only looked at where something was to be kept."""
     with pytest.raises(ValueError, match=r"^memory: \S+ is not allowed; give a positive number of bytes$"):
         travel(**tensors(), **OPTIONS, memory=memory)
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "allowed"),
+    [
+        ("pressure", (), "(B,) or (B, N)"),
+        ("pressure", (2, 1, 1), "(B,) or (B, N)"),
+        ("pressure", (0,), "(B,) or (B, N)"),
+        ("orientation", (), "(2,)"),
+        ("orientation", (3,), "(2,)"),
+        ("inflation", (2, 7, 3), "(2, 8, T)"),
+        ("inflation", (8, 3), "(2, 8, T)"),
+        ("inflation", (2, 8, 0), "(2, 8, T)"),
+        ("grip", (2, 3, 3), "(2, 2, 3)"),
+        ("grip", (2, 2, 4), "(2, 2, 3)"),
+        ("core_pressure", (2,), "(2, 3) or (2, N, 3)"),
+        ("core_pressure", (3, 3), "(2, 3) or (2, N, 3)"),
+        ("core_pressure", (2, 2, 4), "(2, 3) or (2, N, 3)"),
+    ],
+)
+def test_shapes_that_do_not_fit_are_refused_in_one_line(name, shape, allowed):
+    """Seven bladders and three feet were eight and two, and other shapes ended within NumPy."""
+    told = re.escape(f"{name}: shape {shape} is not allowed; give {allowed}")
+    with pytest.raises(ValueError, match=f"^{told}$"):
+        travel(**{**tensors(columns=3), name: torch.zeros(shape)}, **OPTIONS)
+
+
+@pytest.mark.kernels
+def test_core_pressures_of_columns_have_a_gradient():
+    """One for all cores, or a row for each, here of the one core."""
+    core, found = torch.full((2, 1), 1000.0, dtype=torch.float64), []
+    for given in (core.requires_grad_(), core.detach()[:, None].requires_grad_()):
+        distance = travel(**tensors(), core_pressure=given, **OPTIONS)
+        distance.sum().backward()
+        found.append((distance, given.grad.reshape(2, 1)))
+    assert found[0][1].abs().max() > 0 and all(map(torch.equal, *found))
