@@ -54,7 +54,11 @@ def run(args: argparse.Namespace) -> Report:
     labels = _labelled(args.label or ())
     if not (args.runs or labels):
         raise ValueError("runs: none are given; name folders of runs, or groups by --label NAME=PATTERN")
-    histories, damaged = read_histories(runs_below((*labels, *args.runs)), begun)
+    try:
+        runs = runs_below((*labels, *args.runs))
+    except ValueError as error:
+        raise ValueError(f"{error}{_of_study(args.runs)}") from None
+    histories, damaged = read_histories(runs, begun)
     check_comparable(histories)
     try:
         curves = _named(comparison.curves(histories, args.by, labels), args.names)
@@ -85,6 +89,14 @@ def run(args: argparse.Namespace) -> Report:
 
     report = Report(document, "\n".join(_lines(score.label, document, differences)))
     return (report.written_by(write) if args.out else report).but_for(damaged)
+
+
+def _of_study(paths: Sequence[Path]) -> str:
+    """What to do with the first path that is a study, which is not compared; empty where none is."""
+    from optim.report.assembly import study_of
+
+    study = next((path for path in paths if study_of(path)), None)
+    return "" if study is None else f"; {study} is a study, of which `morpholab report` makes a page"
 
 
 def _labelled(given: Sequence[str]) -> dict[Path, str]:

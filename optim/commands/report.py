@@ -18,7 +18,7 @@ COMMAND = Command(
     "write a page about runs",
     "Write a page about a run: settings, curves, the best design in motion, its gait and what the hardware's limits "
     "say of it, how to reproduce it. Several runs that are judged alike are compared. Also takes the folder of a "
-    "sweep, of train or of interference. The page is one file, up to 15 MB, that needs no network.",
+    "sweep, of train, of interference or of measure. The page is one file, up to 15 MB, that needs no network.",
     (
         options.RUNS,
         path_to("out", "FILE", "page to write, such as report.html"),

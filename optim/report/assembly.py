@@ -106,7 +106,7 @@ def _runs(paths: Sequence[Path]) -> list[Path]:
     try:
         return runs_below(paths)
     except ValueError as error:
-        able = "a report takes folders of runs, or one of a sweep, of training or of a study of interference"
+        able = "a report takes folders of runs, or one of a sweep, of training, of interference or of measure"
         raise ValueError(f"{error}; {able}") from None
 
 

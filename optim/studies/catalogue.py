@@ -57,5 +57,6 @@ REPORTS: Registry[Callable[[Path], StudyReport]] = Registry(
         "sweep": "optim.studies.chapter3.sweep_study:report",
         "training": "optim.studies.chapter4.training:report",
         "interference": "optim.studies.chapter2.study:report",
+        "measures": "optim.experiments.body_report:report",
     },
 )
