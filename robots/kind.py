@@ -61,6 +61,7 @@ class RobotKind(ABC):
         title: name of the kind for people.
         options: options of the command line from which :meth:`build` makes a robot.
         designs: names of designs that commands know without a file.
+        suffixes: of files that :meth:`recognises` takes whatever is in them, to be told to people, such as ``".xml"``.
         world_option: name of the option that chooses a world.
         world_type: converts the text of that option to a value for :meth:`world`, as ``Option.type`` does.
         world_hint: help text of that option.
@@ -79,6 +80,7 @@ class RobotKind(ABC):
     title: str
     options: tuple[Option, ...] = ()
     designs: tuple[str, ...] = ()
+    suffixes: tuple[str, ...] = ()
     world_option: str = "world"
     world_type: Callable[[str], Any] = str
     world_hint: str = "where it is tried (default: the kind's own)"

@@ -119,7 +119,8 @@ def kind_of_file(path: Path) -> RobotKind:
     for _, kind in KINDS.usable():
         if kind.recognises(path, form if isinstance(form, str) else None):
             return kind
-    raise ValueError(f"{path}: it is no file of a robot or a design")
+    suffixes = sorted({".json", *(suffix for _, kind in KINDS.usable() for suffix in kind.suffixes)})
+    raise ValueError(f"{path}: it is no file of a robot or a design; such files end in {', '.join(suffixes)}")
 
 
 def make_robot(kind: RobotKind, source: str | None, options: Mapping[str, Any]) -> Robot:

@@ -40,6 +40,7 @@ class ArticulatedKind(RobotKind):
 
     name = "articulated"
     title = "articulated robot"
+    suffixes = SUFFIXES
     trial_fields = ("duration", "heading", "friction", "slip", "time_step")
     options = (
         Option("controller", "what commands the drives (default: rhythm)", choices=("rhythm", "network")),

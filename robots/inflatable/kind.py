@@ -65,6 +65,7 @@ class InflatableKind(TerrainKind):
     name = "inflatable"
     title = "inflatable robot"
     designs = GAITS
+    suffixes = (".csv",)
     explored = choices(geometry=["small", "published"], slope=(-15, 15), orientation=(0, 90))
     search_precision = "f32"
     ground_options = ("friction", "floor", *FRICTION_OF_PARTS)
@@ -194,7 +195,7 @@ class InflatableKind(TerrainKind):
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Designs and gait tables."""
-        return form in FORMATS or path.suffix.lower() == ".csv"
+        return form in FORMATS or path.suffix.lower() in self.suffixes
 
 
 def friction_of_feet(options: Mapping[str, Any]) -> tuple[float, float] | None:

@@ -88,6 +88,7 @@ class LatticeRobotKind(LatticeGroundKind):
 
     fading_gradients = True
     designs = ("soft-quadruped", "feeling-quadruped", "light-seeker", "soft-swimmer")
+    suffixes = (".py", *VOXEL_SUFFIXES, *MESH_SUFFIXES)
     explored = choices(slope=(-15, 15))
     instead = MappingProxyType(
         {
@@ -115,7 +116,7 @@ class LatticeRobotKind(LatticeGroundKind):
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Files of Python, of voxels and of meshes, and saved robots."""
-        return form == ROBOT_FORMAT or path.name.lower().endswith((".py", *VOXEL_SUFFIXES, *MESH_SUFFIXES))
+        return form == ROBOT_FORMAT or path.name.lower().endswith(self.suffixes)
 
     def from_description(self, description: Mapping[str, Any]) -> Robot:
         """The robot of a record."""

@@ -106,3 +106,13 @@ def test_names_at_every_level_of_a_design_of_any_kind_are_checked(tmp_path, name
         level["odd"] = 1
         path.write_text(json.dumps(record))
         assert "odd: it is unknown" in refusal(path), levels
+
+
+def test_files_of_robots_are_named_where_one_is_none(tmp_path):
+    """The message said only that a picture of a body, such as a .glb, is none."""
+    for name in ("body.glb", "other.json"):
+        (tmp_path / name).write_text('{"format": "something"}')
+        told = refusal(tmp_path / name).removeprefix(f"{tmp_path / name}: it is no file of a robot or a design; ")
+        assert told == (
+            "such files end in .csv, .json, .mjcf, .obj, .ply, .py, .stl, .urdf, .vxa, .vxc, .vxd, .vxl.json, .xml"
+        )
