@@ -287,12 +287,19 @@ def _report(args: argparse.Namespace, table: "RigTable", longer: str) -> Report:
     if args.dry_run:
         return Report({**document, **timing_document(table)}, timing_text(table))
     name = ", ".join(filter(None, [written, *map(str, _other_files(args).values())])) or document["plot"]
-    text = f"{name}: {counted(len(table.channels), 'channel')}, {table.seconds:.1f} s, {table.units}"
+    text = f"{name}: {_counts(table)}, {table.seconds:.1f} s, {table.units}"
     if longer:
         text += f"\nnote: {longer}"
     if table.clipped:
         text += f"\nclipped {counted(len(table.clipped), 'time')}, as the file's header tells; first {table.clipped[0]}"
     return Report(document, text)
+
+
+def _counts(table: "RigTable") -> str:
+    """How many channels a table has; where the rig has lines beside those that play them, also how many lines."""
+    channels, lines = len(getattr(table, "played_by", ())), len(table.channels)
+    of_lines = f" on {counted(lines, 'line')}" if 0 < channels < lines else ""
+    return counted(channels or lines, "channel") + of_lines
 
 
 def _other_files(args: argparse.Namespace) -> dict[str, Path]:

@@ -50,6 +50,13 @@ def test_a_table_for_six_valves_is_written_and_moves_the_robot_as_designed(morph
 
 
 @pytest.mark.kernels
+def test_export_tells_channels_and_lines(morpholab, folder):
+    """It called the six lines channels of a robot that has two."""
+    code, out, error = morpholab("export block.json --rig six-valves.toml --csv a.csv --full-scale 0.8:1.2")
+    assert (code, error) == (0, "") and out.startswith("a.csv: 2 channels on 6 lines, ")
+
+
+@pytest.mark.kernels
 def test_channels_with_names_of_lines_are_not_swapped(morpholab, folder):
     six = (folder / "six-valves.toml").read_text()
     (folder / "named.toml").write_text(six.replace('"v1", "v2", "v3"', '"front", "back", "v3"'))
