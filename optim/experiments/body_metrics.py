@@ -27,6 +27,7 @@ from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.base.checks import within
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.results_folder import ResultsFolder
+from taichi_sim.base.short_text import ShortText
 from taichi_sim.signals import warping_distances
 
 MEASURABLE = "pouch, feeling-quadruped, legged or vehicle"  # robots of which something is free
@@ -84,8 +85,8 @@ class Environments:
             raise ValueError(f"success: {len(self.success)} sets of bounds do not fit {len(self.worlds)} environments")
 
 
-@dataclass(frozen=True, eq=False)
-class BodyMetrics:
+@dataclass(frozen=True, eq=False, repr=False)
+class BodyMetrics(ShortText):
     """What was measured of a body.
 
     Attributes:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from optim.measures.statistics import known_mean
 from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.base.short_text import ShortText
 
 
 @dataclass(frozen=True)
@@ -63,8 +64,8 @@ class MeanOfRuns:
         return cls(counted=len(found), **known_mean(found, "value"))
 
 
-@dataclass(frozen=True)
-class SeveralRuns:
+@dataclass(frozen=True, repr=False)
+class SeveralRuns(ShortText):
     """The four measures of independent runs, and their means.
 
     Attributes:

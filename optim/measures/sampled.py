@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from optim.measures.statistics import wilson
 from taichi_sim.base.arrays import Bools
+from taichi_sim.base.short_text import ShortText
 
 
 @dataclass(frozen=True)
@@ -36,8 +37,8 @@ class Share:
         return cls(count, of, count / of, *wilson(count, of)) if of else cls(count, of, 0.0, 0.0, 1.0)
 
 
-@dataclass(frozen=True)
-class SampledMetrics:
+@dataclass(frozen=True, repr=False)
+class SampledMetrics(ShortText):
     """Measures of learning of a body, estimated from sampled controllers.
 
     Attributes:
