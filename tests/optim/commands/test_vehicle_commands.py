@@ -1,6 +1,7 @@
 """``morpholab sweep`` and ``morpholab train``."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -141,3 +142,17 @@ def test_folders_and_sweeps_of_other_settings_are_refused(morpholab):
     assert code == 2 and error.endswith("sweep: swept has radius 1, not 0.075\n")
     code, _, error = morpholab(f"train --designs 162,200 --out new --sweep swept {BRIEF}")
     assert code == 2 and error.endswith("sweep: 1 of 2 bodies are missing, design 200 first\n")
+
+
+def test_a_body_of_ones_own_is_measured_and_searched(morpholab, tmp_path):
+    """As the page of vehicles says."""
+    page = (Path(__file__).parents[3] / "docs/vehicle.md").read_text()
+    code = re.search(r"```python\n([^`]*\nrobot = VehicleRobot.*?)```", page, re.DOTALL)
+    (tmp_path / "mine.py").write_text(code[1])
+    quick = "--robot mine.py --threads 1 --quiet --json"
+    code, out, error = morpholab(f"simulate {quick}")
+    assert (code, error) == (0, "") and "closest" in out
+    code, out, error = morpholab(f"measure {quick} --success 'closest <= 0.075' --grid 3 --out m")
+    assert (code, error) == (0, "") and json.loads(out)["learnability"]["of"] == 9
+    code, out, error = morpholab(f"codesign {quick} --climbers 2 --generations 1 --out c")
+    assert (code, error) == (0, "") and (tmp_path / "c/best.json").is_file()
