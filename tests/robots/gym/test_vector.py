@@ -13,8 +13,8 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import robots.gym
 from robots.gym.batch import FAILED_RETURN, checked_actions
+from robots.gym.inflatable import PancakeEnvironment, PancakeVector
 from robots.gym.lattice_robot import LatticeRobotVector
-from robots.gym.pancake import PancakeEnvironment, PancakeVector
 from robots.gym.vehicle import VehicleVector
 from robots.inflatable import SMALL, InflatableActuation
 from robots.lattice_robot.presets import soft_quadruped
