@@ -13,10 +13,10 @@ import numpy as np
 from optim.doubts import chaos_in, doubts_after
 from optim.interrupts import CTRL_C, EndedBySignals
 from optim.named import Designs, of_run, points_of, robot, run_in, world
+from optim.notebook_tables import MOST_ROWS, data_frame, html_table
 from optim.problems import precision_of_run
 from optim.progress import Update, shown_progress
 from optim.runs.config import read_config
-from optim.wording import cell_value
 from robots.robot import KINDS, OK, Measure, Outcome, Replay, Robot, World, warn_of_doubts
 from taichi_sim.base.arrays import Floats, copied, fixed
 from taichi_sim.base.checks import nearest, whole_number
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     from robots.view.player import Player
 
-MOST_ROWS = 12  # of a table in a notebook
 POSES = 100  # recorded of a single design, so that its picture costs no second run
 DOTS_PER_INCH = 110
 
@@ -116,14 +115,8 @@ class Trials:
         Raises:
             ValueError: if pandas is not installed.
         """
-        try:
-            import pandas
-        except ImportError:
-            raise ValueError("to_dataframe: pandas is not installed; pip install pandas") from None
-        table = pandas.DataFrame(self.columns())
         units = {parameter.name: parameter.unit for parameter in self.robot.parameters}
-        table.attrs["units"] = units | {measure.name: measure.unit for measure in self._measures}
-        return table
+        return data_frame(self.columns(), units | {measure.name: measure.unit for measure in self._measures})
 
     def columns(self) -> dict[str, Any]:
         """Return the columns of the table of designs by name, shape (N,) each.
@@ -199,17 +192,13 @@ class Trials:
         return f"{len(self)} designs, {self._spoken}: {told}{failed}{self._numbers}"
 
     def _repr_html_(self) -> str:
-        units = {measure.name: f" [{measure.unit}]" if measure.unit else "" for measure in self._measures}
+        units = {measure.name: measure.unit for measure in self._measures}
         shown = {
             name: values for name, values in self.columns().items() if len(self.points[0]) <= MOST_ROWS or name in units
         }
-        head = "".join(f"<th>{html.escape(name + units.get(name, ''))}</th>" for name in shown)
-        rows = "".join(
-            f"<tr>{''.join(f'<td>{html.escape(cell_value(values[n]))}</td>' for values in shown.values())}</tr>"
-            for n in range(min(len(self), MOST_ROWS))
-        )
         more = f"<p>and {len(self) - MOST_ROWS} more</p>" if len(self) > MOST_ROWS else ""
-        return f"<p>{html.escape(repr(self))}</p>{self._picture()}<table><tr>{head}</tr>{rows}</table>{more}"
+        table = html_table(shown, units, range(min(len(self), MOST_ROWS)))
+        return f"<p>{html.escape(repr(self))}</p>{self._picture()}{table}{more}"
 
     def _picture(self) -> str:
         """The picture of a single design that was recorded, as HTML."""

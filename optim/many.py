@@ -4,102 +4,35 @@ import hashlib
 import html
 import json
 import tempfile
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from optim.interrupts import CTRL_C, EndedBySignals
-from optim.named import robot, world
-from optim.problem import OK, Evaluate, Evaluation, Problem, Request, evaluate_request
+from optim.named import of_run, robot, run_in, world
+from optim.notebook_tables import MOST_ROWS, data_frame, html_table
+from optim.problem import OK, Evaluate, Request, evaluate_request
+from optim.problems.many_robots import STEPS, ManyRobots
 from optim.progress import Update, shown_progress
-from optim.space import Space
-from optim.wording import cell_value
 from robots.robot import KINDS, Measure, Robot, World, kind_of_file
 from taichi_sim.base.arrays import Arrays, Floats, Ints, copied
-from taichi_sim.base.checks import nearest, whole_number
+from taichi_sim.base.checks import nearest, shown, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions, available_threads
 from taichi_sim.base.files import read_text, write_text
-from taichi_sim.base.parsing import parse_json
+from taichi_sim.base.parsing import json_text, parse_json
 from taichi_sim.base.results_folder import ResultsFolder
 from taichi_sim.base.short_text import counted
-from taichi_sim.base.variables import Variable
 
 PART = 16  # robots whose results are kept together; a kill loses at most one part of each process
-MOST_ROWS = 12  # of a table in a notebook
 SKIPPED = ".py", ".csv"  # of a folder: files of Python are code, which is run only if it is named
 TEMPLATE = "base.vxa"  # beside .vxd files, each of which replaces parts of it
 KILLED = "killed.json"  # robots that killed their workers
-STEPS = "steps"  # among the details of an evaluation
-
-
-@dataclass(frozen=True, eq=False)
-class ManyRobots(Problem):
-    """A problem whose points are numbers of robots, so that workers of searches can simulate any robots.
-
-    Attributes:
-        sources: what each of N robots is called, or was made from.
-        robots: the robots, of any kinds, with nothing free.
-        worlds: world of each.
-        compute: device, precision and threads.
-    """
-
-    sources: Sequence[str]
-    robots: Sequence[Robot]
-    worlds: Sequence[World]
-    compute: Compute
-
-    @property
-    def space(self) -> Space:
-        """The number of the robot."""
-        return Space((Variable("robot", 0, max(len(self.robots) - 1, 1), "integer"),))
-
-    @cached_property
-    def _own(self) -> list[tuple[Measure, ...]]:
-        """Measures of each robot."""
-        return [each.measures_in([place]) for each, place in zip(self.robots, self.worlds, strict=True)]
-
-    @cached_property
-    def measures(self) -> tuple[Measure, ...]:
-        """Measures that any of the robots has, those of the first one first.
-
-        What some robots measure in other units than others is one measure for each unit, such as ``speed [m/s]``.
-        """
-        found = {(m.name, m.unit): m for own in self._own for m in own}
-        units = Counter(name for name, _ in found)
-        named = (m if units[m.name] == 1 else replace(m, name=f"{m.name} [{m.unit}]") for m in found.values())
-        return tuple(named)
-
-    def _names(self, number: int) -> dict[str, str]:
-        """What the measures of a robot are called among those of all, by their own names."""
-        known = {measure.name for measure in self.measures}
-        return {m.name: m.name if m.name in known else f"{m.name} [{m.unit}]" for m in self._own[number]}
-
-    def evaluate(self, points: ArrayLike) -> Evaluation:
-        """Simulate the robots of these numbers, shape (N, 1); the objective of each is its own first measure.
-
-        Details: the number of steps, and all measures by name, NaN where a robot does not have one.
-        """
-        numbers = np.asarray(points)[:, 0].astype(int)
-        status, objectives = [], []
-        details = {m.name: np.full(len(numbers), np.nan) for m in self.measures}
-        steps = np.zeros(len(numbers), np.int64)
-        for row, number in enumerate(numbers.tolist()):
-            tried = self.robots[number]
-            outcome = tried.simulate((), self.worlds[number], compute=self.compute)
-            status.append(str(outcome.status_or_reason[0]))
-            objectives.append(float(outcome.measures[tried.measures[0].name][0]))
-            steps[row] = outcome.steps[0]
-            for name, called in self._names(number).items():
-                details[called][row] = outcome.measures[name][0]
-        return Evaluation(np.array(objectives), status, {STEPS: steps, **details})
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -190,13 +123,11 @@ class RobotTrials:
         Raises:
             ValueError: if pandas is not installed.
         """
-        try:
-            import pandas
-        except ImportError:
-            raise ValueError("to_dataframe: pandas is not installed; pip install pandas") from None
-        table = pandas.DataFrame(self.columns())
-        table.attrs["units"] = {measure.name: measure.unit for measure in self.measures}
-        return table
+        return data_frame(self.columns(), self._units)
+
+    @property
+    def _units(self) -> dict[str, str]:
+        return {measure.name: measure.unit for measure in self.measures}
 
     def __repr__(self) -> str:
         told = [f"{counted(len(self), 'robot')}, {self.failed} failed" if self.failed else counted(len(self), "robot")]
@@ -206,13 +137,9 @@ class RobotTrials:
         return "; ".join(told)
 
     def _repr_html_(self) -> str:
-        shown, columns = (self.ranking() or range(len(self)))[:MOST_ROWS], self.columns()
-        units = {measure.name: f" [{measure.unit}]" if measure.unit else "" for measure in self.measures}
-        head = "".join(f"<th>{html.escape(name + units.get(name, ''))}</th>" for name in columns)
-        cells = [[f"<td>{html.escape(cell_value(values[n]))}</td>" for values in columns.values()] for n in shown]
-        rows = "".join(f"<tr>{''.join(row)}</tr>" for row in cells)
+        shown = (self.ranking() or range(len(self)))[:MOST_ROWS]
         more = f"<p>and {len(self) - len(shown)} more</p>" if len(self) > len(shown) else ""
-        return f"<p>{html.escape(repr(self))}</p><table><tr>{head}</tr>{rows}</table>{more}"
+        return f"<p>{html.escape(repr(self))}</p>{html_table(self.columns(), self._units, shown)}{more}"
 
 
 def simulate_all(
@@ -226,9 +153,9 @@ def simulate_all(
     """Simulate many robots, which may differ in all, each as it starts in a search or was designed.
 
     Args:
-        sources: robots, or names, files and run folders that :func:`robot` makes one from; or a folder of files, of
-            which :func:`files_of` tells which are taken.
-        where: the world of all of them, or its name; by default each one's usual one.
+        sources: a list of robots, or of names, files and run folders that :func:`robot` makes one from; or a folder of
+            files, of which :func:`files_of` tells which are taken.
+        where: the world of all of them, or its name; by default each one's usual one, or the first one of its run.
         workers: processes that share the robots; None is this one. A script that uses them needs
             ``if __name__ == "__main__":``, as those of Python's multiprocessing do.
         folder: where results are kept part by part, so that the same call goes on after an interruption; None is
@@ -238,15 +165,21 @@ def simulate_all(
     Raises:
         ValueError: for no robots, and for what is not allowed; a robot that fails is not an error but has a status.
     """
-    single = isinstance(sources, str | PathLike)
-    given = files_of(Path(fspath(sources))) if single else list(sources)  # type: ignore[arg-type]
-    compute = Compute(**how)
-    found = [robot(each) for each in given]
-    fixed = [each.design(each.start) if each.parameters else each for each in found]
-    places = [world(each, where) for each in fixed]
+    if isinstance(sources, Robot) or not isinstance(sources, Iterable | PathLike):
+        raise ValueError(f"sources: {shown(sources)} is not allowed; give a list of robots, or a folder")
+    if isinstance(sources, str | PathLike):
+        given: list[Any] = [fspath(sources)] if run_in(sources) else list(files_of(Path(fspath(sources))))
+    else:
+        given = list(sources)
     names = [each.name if isinstance(each, Robot) else fspath(each) for each in given]
-    many = ManyRobots(names, fixed, places, compute)
-    with EndedBySignals(CTRL_C), shown_progress(counted(len(fixed), "robot"), 1.0) as update:
+    robots, worlds = list[Robot](), list[World]()
+    for each in given:
+        run = run_in(each)
+        found, place = (robot(each), None) if run is None else of_run(run, elsewhere=where is not None)
+        robots.append(found.design(found.start) if found.parameters else found)
+        worlds.append(world(robots[-1], where) if place is None or where is not None else place)
+    many = ManyRobots(names, robots, worlds, Compute(**how))
+    with EndedBySignals(CTRL_C), shown_progress(counted(len(robots), "robot"), 1.0) as update:
         return try_all(many, workers, None if folder is None else Path(fspath(folder)), update)
 
 
@@ -385,6 +318,5 @@ def _settings(many: ManyRobots) -> dict[str, Any]:
 def _digest(tried: Robot, place: World) -> str:
     """What tells whether a robot and its world are as before."""
     kind = KINDS.of(tried)
-    told = [kind.name, tried.describe(), kind.world_record(place)]
-    text = json.dumps(told, default=lambda value: getattr(value, "tolist", lambda: str(value))())
+    text = json_text([kind.name, tried.describe(), kind.world_record(place)])
     return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -18,10 +18,30 @@ if TYPE_CHECKING:
     from robots.world import Terrain
 
 
+FORMER = {
+    "exportable": "has_table",
+    "on_rigs": "plays_on_rigs",
+    "untabled": "no_table_reason",
+    "tabled_by": "table_option",
+    "judged_by": "usual_measure",
+}  # names up to 2.0 of what plug-ins may define, by which nobody asks any more
+
+
+def refuse_former_names(cls: type) -> None:
+    """Raise a TypeError if a class defines something by its name up to 2.0, which would be ignored without a word."""
+    for old, new in FORMER.items():
+        if old in vars(cls):
+            raise TypeError(f"{cls.__name__}: {old} is called {new} now; rename it")
+
+
 class Abilities:
     """Base class with default answers for optional abilities; each kind overrides those that its robots have."""
 
     kind: str  # by its name, one of ``KINDS``
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        refuse_former_names(cls)
 
     def judge(
         self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None

@@ -20,21 +20,23 @@ if TYPE_CHECKING:
 MOST_TOLD = 12  # names in a message
 
 
-def held_at(robot: Robot, point: ArrayLike, patterns: Iterable[str]) -> "PartlyFixed":
+def held_at(robot: Robot, point: ArrayLike, patterns: str | Iterable[str]) -> "PartlyFixed":
     """Hold the parameters whose names match any of some patterns at their values in a point; the others stay free.
 
     Args:
         robot: the robot.
         point: values of all its P parameters, shape (P,).
-        patterns: names, or patterns of names such as ``"size_*"``.
+        patterns: a name or a pattern of names such as ``"*_size"``, or several.
 
     Raises:
         ValueError: for a pattern that matches none, or if nothing stays free.
     """
     names = [parameter.name for parameter in robot.parameters]
+    if not names:
+        raise ValueError(f"hold: nothing of {robot.name} is free; give the run that designed it, or its file")
     values = robot.points(point)[0]
     held = dict[str, float]()
-    for pattern in patterns:
+    for pattern in [patterns] if isinstance(patterns, str) else patterns:
         found = [name for name in names if fnmatchcase(name, pattern)]
         if not found:
             told = ", ".join(names[:MOST_TOLD]) + (f", ... ({len(names)})" if len(names) > MOST_TOLD else "")
@@ -43,11 +45,18 @@ def held_at(robot: Robot, point: ArrayLike, patterns: Iterable[str]) -> "PartlyF
     return PartlyFixed(robot, held)
 
 
+def inner_description(description: dict[str, Any]) -> dict[str, Any]:
+    """The part of a description that is of the robot itself, whatever is held of it; it is not copied."""
+    while description.keys() == {"robot", "held"}:
+        description = description["robot"]
+    return description
+
+
 def robot_of_description(kind: RobotKind, description: Mapping[str, Any]) -> Robot:
     """Build a robot from what ``Robot.describe`` returned, also one some of whose parameters are held."""
     if description.keys() == {"robot", "held"}:
         held = {name: number(name, value) for name, value in table("held", description["held"]).items()}
-        return PartlyFixed(kind.from_description(description["robot"]), held)
+        return PartlyFixed(robot_of_description(kind, description["robot"]), held)
     return kind.from_description(description)
 
 
@@ -64,7 +73,7 @@ class PartlyFixed(Robot):
 
     has_table, pictured, can_be_judged = False, False, False
     judge, table, rig_report, save_picture = Robot.judge, Robot.table, Robot.rig_report, Robot.save_picture
-    start, points, differentiate = Robot.start, Robot.points, Robot.differentiate
+    points, differentiate = Robot.points, Robot.differentiate
     simulate, simulate_in = Robot.simulate, Robot.simulate_in
 
     def __init__(self, robot: Robot, held: Mapping[str, float]) -> None:
@@ -80,13 +89,18 @@ class PartlyFixed(Robot):
         self.robot, self.held = robot, dict(held)
         self._free = np.array([name not in held for name in names], bool)
         if not self._free.any():
-            raise ValueError(f"held: all {counted(len(names), 'parameter')} are; leave some free")
+            raise ValueError(f"hold: all {counted(len(names), 'parameter')} are held; leave some free")
         self._values = np.array([held.get(name, 0.0) for name in names])
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """The parameters that are free."""
         return tuple(each for each, free in zip(self.robot.parameters, self._free, strict=True) if free)
+
+    @property
+    def start(self) -> Floats:
+        """Where searches of the robot start, without what is held, shape (F,)."""
+        return np.array(self.robot.start[self._free])
 
     def _completed(self, points: ArrayLike) -> Floats:
         """Points of the robot, shape (N, P), for those of this one, shape (N, F)."""

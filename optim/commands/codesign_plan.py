@@ -180,7 +180,7 @@ def _known(args: argparse.Namespace) -> dict[str, Any] | None:
     known = read_config(begun)
     if begun == args.out:
         return known
-    from optim.problems.robot import seeded
+    from optim.problems.robot_designing import seeded
 
     problem = seeded(known["problem"], known["method"]["seed"], args.seed)
     return {**known, "problem": problem, "method": {**known["method"], "seed": args.seed}}

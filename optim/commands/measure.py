@@ -12,8 +12,9 @@ from optim.commands.robots import Named, history_of, kinds_of_robot, named_doing
 from optim.progress import shown_progress
 from optim.runs.config import GROUND_FILES
 from robots.ground_files import ground_files
-from robots.robot import Robot, RobotKind, make_robot
+from robots.robot import Robot, RobotKind, World, make_robot
 from robots.tasks import Success
+from taichi_sim.base.parsing import json_text, parse_json
 from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
@@ -43,7 +44,8 @@ COMMAND = Command(
         ),
         Option(
             "environments",
-            "a world of the robot, such as flat, hill:5 or the number of a light; repeat it (default: the robot's own)",
+            "a world of the robot, such as flat, hill:5 or the number of a light; repeat it (default: the robot's "
+            "own, of a run those that it was designed in)",
             metavar="WORLD",
             several=True,
         ),
@@ -92,15 +94,16 @@ def run(args: argparse.Namespace) -> Report:
             f"controllers: {args.controllers} is not allowed beside --grid, which tries all combinations; leave one out"
         )
     named = named_doing(args.robot, None)
-    kind, robot = named.kind, _robot(named, args.parser.values(args, named.kind), args.hold or ())
-    environments = _environments(kind, robot, args.environments, args.success)
+    kind = named.kind
+    robot, worlds = _robot(named, args.parser.values(args, kind), args.hold or ())
+    environments = _environments(kind, worlds, args.environments, args.success)
     check_bounds(robot, environments)
     drawn = args.controllers or USUAL_CONTROLLERS
     settings = Measuring(drawn, args.grid or 0, args.climbers, args.generations, args.seed, args.runs)
     controllers_of(Space(tuple(robot.parameters)), settings)  # refuses a grid that is too large
     compute = options.compute(args, kind.search_precision)
     said = {
-        "robot": {"kind": kind.name, **_plain(robot.describe())},
+        "robot": {"kind": kind.name, **parse_json(json_text(robot.describe()))},
         "environments": [world.name for world in environments.worlds],
         "success": [[bound.text for bound in bounds] for bounds in environments.success],
         **settings.lasting("runs"),
@@ -119,8 +122,8 @@ def run(args: argparse.Namespace) -> Report:
     return Report(document, "\n".join(_lines(robot, environments, found))).written_by(write)
 
 
-def _robot(named: Named, given: Mapping[str, Any], hold: Sequence[str]) -> Robot:
-    """The robot that is named, with what is to be held of it fixed.
+def _robot(named: Named, given: Mapping[str, Any], hold: Sequence[str]) -> tuple[Robot, tuple[World, ...]]:
+    """The robot that is named, with what is to be held of it fixed, and the worlds in which it is tried unless told.
 
     Raises:
         ValueError: for a run of which nothing is held: its best design would not matter.
@@ -131,15 +134,17 @@ def _robot(named: Named, given: Mapping[str, Any], hold: Sequence[str]) -> Robot
 
     if named.run is None:
         robot = make_robot(named.kind, named.source, given)
-        return held_at(robot, robot.start, hold) if hold else robot
-    robot, best = offered_by_run(history_of(named.run))
+        return held_at(robot, robot.start, hold) if hold else robot, tuple(robot.worlds)
+    robot, best, worlds = offered_by_run(history_of(named.run))
     if not hold:
         free = some_of([parameter.name for parameter in robot.parameters], NAMES_TOLD)
-        raise ValueError(f"hold: say what of the best design of {named.run} is no controller, of {free}")
-    return held_at(robot.changed(given), best, hold)
+        raise ValueError(f"hold: nothing of the best design of {named.run}; name what is no controller, of {free}")
+    return held_at(robot.changed(given), best, hold), worlds
 
 
-def _environments(kind: RobotKind, robot: Robot, worlds: list[str] | None, bounds: list[Success]) -> "Environments":
+def _environments(
+    kind: RobotKind, usual: tuple[World, ...], worlds: list[str] | None, bounds: list[Success]
+) -> "Environments":
     """Worlds and what has to be kept in each.
 
     Raises:
@@ -147,16 +152,11 @@ def _environments(kind: RobotKind, robot: Robot, worlds: list[str] | None, bound
     """
     from optim.experiments.body_metrics import Environments
 
-    found = tuple(kind.world(text) for text in worlds) if worlds else tuple(robot.worlds)
+    found = tuple(kind.world(text) for text in worlds) if worlds else usual
     if len(bounds) not in (1, len(found)):
         raise ValueError(f"success: {len(bounds)} are not allowed for {len(found)} environments; give one, or one each")
     each = bounds if len(bounds) > 1 else bounds * len(found)
     return Environments(found, tuple((bound,) for bound in each))
-
-
-def _plain(described: Any) -> Any:
-    """A description as JSON keeps it."""
-    return json.loads(json.dumps(described, default=lambda value: getattr(value, "tolist", lambda: str(value))()))
 
 
 def _lines(robot: Robot, environments: "Environments", found: "BodyMetrics") -> list[str]:

@@ -19,7 +19,8 @@ from robots.robot import OK, Robot, World
 from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
-    from optim.many import ManyRobots, RobotTrials
+    from optim.many import RobotTrials
+    from optim.problems.many_robots import ManyRobots
 
 TABLE = "scores.csv"
 TOLD = 10  # of the best robots, for people
@@ -84,7 +85,7 @@ def _sources(words: Sequence[str]) -> list[str]:
 
 def _many(args: argparse.Namespace) -> "tuple[ManyRobots, list[str], list[str]]":
     """The robots that are named, what is likely a mistake in them, and why files in folders are left out."""
-    from optim.many import ManyRobots
+    from optim.problems.many_robots import ManyRobots
 
     left_out, doubts = list[str](), dict[str, str]()
     named, made = dict[str, Named](), dict[str, tuple[Robot, World]]()

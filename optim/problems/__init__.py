@@ -111,16 +111,16 @@ def robot_of_run(
     return problem.robot_of(kept_point(history, problem, member)), problem.tried_in
 
 
-def offered_by_run(history: "History") -> "tuple[Robot, Floats]":
-    """Return the robot of a run with its free parameters, and the best point of these, shape (P,).
+def offered_by_run(history: "History") -> "tuple[Robot, Floats, tuple[World, ...]]":
+    """Return the robot of a run with its free parameters, the best point of these, shape (P,), and the run's worlds.
 
     Raises:
-        ValueError: if there is none yet, or the run designs no robots by parameters of theirs.
+        ValueError: if there is no best point yet, or the run searches no parameters of one robot.
     """
     problem = _problem_of_robots(history.path, history.config)
     if problem.offered is None:
-        raise ValueError(f"robot: what {history.path} designs are no parameters of one robot; give the robot itself")
-    return problem.offered, kept_point(history, problem, None)
+        raise ValueError(f"robot: the run in {history.path} searches no parameters of one robot; give the robot itself")
+    return problem.offered, kept_point(history, problem, None), tuple(problem.tried_in)
 
 
 def precision_of_run(path: Path, config: Mapping[str, Any]) -> Precision:

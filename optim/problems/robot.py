@@ -307,15 +307,6 @@ class RobotDesignProblem(RobotDesigning):
 JudgedRobot = RobotDesignProblem  # its name up to 2.0
 
 
-def seeded(description: Mapping[str, Any], before: int, seed: int) -> dict[str, Any]:
-    """Replace the seed ``before`` in the description of a search's problem, also in robots that have a seed."""
-    options = {option.name for option in KINDS.find(description["kind"]).options} if "robot" in description else set()
-    robot = parse_json(description["robot"]) if "seed" in options else {}
-    if robot.get("seed") != before:
-        return dict(description)
-    return {**description, "robot": json.dumps({**robot, "seed": seed}, separators=(",", ":"))}
-
-
 @dataclass(frozen=True, eq=False)
 class RobotProblem(RobotDesignProblem):
     """Design a robot of any kind: search its free parameters for the best of its own measures in some worlds.

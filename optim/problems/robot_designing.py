@@ -1,6 +1,7 @@
 """The interface of problems whose points are robots, beyond evaluation: for commands and reports."""
 
 import dataclasses
+import json
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,11 +11,14 @@ from typing import Any, Self
 from numpy.typing import ArrayLike
 
 from optim.problem import Problem
+from robots.abilities import refuse_former_names
 from robots.ground_files import ground_files, keep_ground_files, kept_in
-from robots.robot import Facts, Robot, World
+from robots.partly_fixed import inner_description
+from robots.robot import KINDS, Facts, Robot, World
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
+from taichi_sim.base.parsing import parse_json
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -32,6 +36,10 @@ class RobotDesigning(Problem):
     device: str = "cpu"
     threads: int | None = None
     progress: Callable[[float], None] | None = None
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        refuse_former_names(cls)
 
     uncertain = ""  # what is drawn for every judgement, if anything
     draws = 1
@@ -174,3 +182,14 @@ def subject_of(name: str, worlds: Sequence[World]) -> str:
     several = len(worlds) > 1
     places = " and ".join(world.spoken or f"on {world.name}" for world in worlds if several or world.spoken)
     return f"{name}, {places}" if places else name
+
+
+def seeded(description: Mapping[str, Any], before: int, seed: int) -> dict[str, Any]:
+    """Replace the seed ``before`` in the description of a search's problem, also in robots that have a seed."""
+    options = {option.name for option in KINDS.find(description["kind"]).options} if "robot" in description else set()
+    whole = parse_json(description["robot"]) if "seed" in options else {}
+    robot = inner_description(whole)
+    if robot.get("seed") != before:
+        return dict(description)
+    robot["seed"] = seed
+    return {**description, "robot": json.dumps(whole, separators=(",", ":"))}

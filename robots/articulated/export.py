@@ -15,7 +15,7 @@ from taichi_sim.base.files import write_text
 from taichi_sim.base.plain_xml import parse_xml
 from taichi_sim.rigid import Motor, Tree
 from taichi_sim.rigid.model.files import Reading, read_model
-from taichi_sim.rigid.model.mjcf_writing import drive_commands, mjcf_text
+from taichi_sim.rigid.model.mjcf_writing import TAKEN, WITHOUT_CONE, drive_commands, mjcf_text
 from taichi_sim.rigid.model.resizing import height_of, resized_text, starts_of
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def save_model(robot: "ArticulatedRobot", point: ArrayLike, path: Path) -> list[
     tree = robot.sizes.tree_of(sizes)
     if root == "robot" and path.suffix.lower() == REWRITTEN:
         write_text(path, mjcf_text(tree, robot.physics, robot.drives, robot.name))
-        return list(_approximated(tree))
+        return list(_approximated(tree, robot))
     write_text(path, resized_text(robot.text, robot.sizes.factors(sizes), **robot.reading))
     untold = list(_not_in_the_file(robot))
     if root == "robot":
@@ -50,8 +50,8 @@ def save_model(robot: "ArticulatedRobot", point: ArrayLike, path: Path) -> list[
     return untold
 
 
-def _approximated(tree: Tree) -> Iterator[str]:
-    """What MJCF cannot say of a tree as it is here."""
+def _approximated(tree: Tree, robot: "ArticulatedRobot") -> Iterator[str]:
+    """What MJCF does not say of a robot as it is here."""
     holding = [hinge.motor for hinge in tree.hinges if isinstance(hinge.motor, Motor)]
     if holding:
         yield "drives hold rates here; those of the file are servos, which bend under a load"
@@ -59,6 +59,12 @@ def _approximated(tree: Tree) -> Iterator[str]:
         yield "drives by angle have a largest rate here, which those of the file have not"
     if any(body.immersed for body in tree.bodies):
         yield "solids on which water alone acts are left out"
+    if any(body.name == TAKEN for body in tree.bodies):
+        yield f"the body {TAKEN} is called otherwise, as MuJoCo calls what is fixed so"
+    if not np.isfinite(robot.physics.friction):
+        yield f"friction has a cone there, of coefficient {WITHOUT_CONE:g}, and none here"
+    if robot.slip is not None:
+        yield "points on the ground slip by a law of MuJoCo's own, whatever slip was given here"
 
 
 def _not_in_the_file(robot: "ArticulatedRobot") -> Iterator[str]:

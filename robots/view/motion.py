@@ -142,6 +142,9 @@ class GroundPlane:
         return np.roll(product(Z_UP_TO_Y_UP, self.upright), -1)
 
 
+Ground = GroundPlane  # its name up to 2.0
+
+
 @dataclass(frozen=True, eq=False)
 class Skin:
     """Outer surface of joined cubes, without gaps between them.

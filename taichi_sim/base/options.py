@@ -28,7 +28,7 @@ class Option:
         metavar: what the help calls the value.
         choices: the values that are allowed, if these are few.
         several: whether it may be repeated, to give a list.
-        once: whether a second value is refused; else the last one counts.
+        once: whether a second value is refused, of an option without a default; else the last one counts.
         commands: names of the commands that have it; empty for all.
         default: the value if it is not given.
         required: whether it must be given.
@@ -106,7 +106,7 @@ class _Once(argparse.Action):
     """Stores a value, and refuses a second one."""
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
-        if getattr(namespace, self.dest) is not None:
+        if getattr(namespace, self.dest) != self.default:
             raise argparse.ArgumentError(self, "it is given twice, and the command takes one; give it once")
         setattr(namespace, self.dest, values)
 

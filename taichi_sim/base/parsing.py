@@ -65,3 +65,8 @@ def _parsed(parse: Callable[[], Any]) -> Any:
 
 def _inside(nest: dict[str, Any] | list[Any]) -> Iterable[Any]:
     return nest.values() if isinstance(nest, dict) else nest
+
+
+def json_text(described: Any) -> str:
+    """Write a description as JSON: arrays as lists, and what JSON does not know as its text."""
+    return json.dumps(described, default=lambda value: getattr(value, "tolist", lambda: str(value))())

@@ -4,11 +4,12 @@ import warnings
 
 import numpy as np
 import pytest
-from tossers import GRAVITY, InFeet, Roller, Tosser
+from tossers import GRAVITY, InFeet, Namesake, Roller, Tosser
 from voxel_files import vxa
 
 import morpholab as ml
-from optim.many import PART, ManyRobots, files_of, try_all
+from optim.many import PART, files_of, try_all
+from optim.problems.many_robots import ManyRobots
 from taichi_sim.base.compute import Compute
 
 
@@ -25,6 +26,19 @@ def test_each_robot_is_tried_and_the_best_is_told():
     assert "flight" in found and "flights" not in found and len(found) == 5
     with pytest.raises(KeyError, match="'hight' is unknown; there are height, flight, distance; did you mean height"):
         found["hight"]
+
+
+def test_measures_that_are_called_as_other_columns_keep_them_apart(tmp_path):
+    found = ml.simulate_all([Namesake(1.0)])
+    assert list(found.values) == ["height", "steps [no unit]", "status [s]"] and found.status.tolist() == ["ok"]
+    assert found.steps.tolist() == [0] and found["steps [no unit]"].tolist() == [1.5]
+    assert list(found.columns())[3:] == ["status", "steps", "height", "steps [no unit]", "status [s]"]
+    assert "<th>status [s]</th>" in found._repr_html_() and "<th>height [m]</th>" in found._repr_html_()
+
+
+def test_a_robot_that_refuses_its_world_has_failed_and_says_why():
+    found = ml.simulate_all([Tosser(1.0), Tosser(2.0, refuses=True)])
+    assert found.status.tolist() == ["ok", "floor: too soft to toss from"] and found.ranking() == [0]
 
 
 def test_of_none_that_succeeds_none_is_the_best():
@@ -47,6 +61,8 @@ def test_as_a_data_frame_they_have_units():
         ([], {}, "sources: no robot is given; name one at least"),
         ("nowhere", {}, "sources: nowhere is no folder; give one, or a list of robots"),
         ([Tosser()], {"workers": 0}, "workers: 0 is not allowed"),
+        (Tosser(), {}, "sources: .*Tosser.* is not allowed; give a list of robots, or a folder"),
+        (None, {}, "sources: None is not allowed; give a list of robots, or a folder"),
         (["a.vxa"], {}, "a.vxa"),
         (["vehicle"], {"where": "moon"}, "moon"),
     ],
@@ -126,4 +142,4 @@ def test_what_is_measured_in_other_units_is_another_measure():
     assert list(found.values) == ["height [m]", "flight", "height [ft]"]
     np.testing.assert_allclose(found["flight"], 2 / GRAVITY)
     np.testing.assert_allclose(found["height [ft]"], [np.nan, 1 / 2 / GRAVITY / 0.3048])
-    assert found.ranking() == [0] and repr(found) == f"2 robots; best tosser: height [m] {1 / 2 / GRAVITY:.4f} m"
+    assert found.ranking() == [0] and repr(found) == f"2 robots; best tosser: height [m] {1 / 2 / GRAVITY:.4f}"

@@ -10,6 +10,8 @@ import pytest
 from articulated_files import CRAWLER
 from hopper import Hopper
 
+from optim.problems.robot_designing import RobotDesigning
+from robots.abilities import FORMER
 from robots.articulated.reflexes import DriveReflexes
 from robots.articulated.robot import ArticulatedRobot
 from robots.delegation import first_argument, public_members
@@ -83,6 +85,14 @@ def test_every_public_member_is_asked_of_the_robot_at_its_point(name):
     for answer, got in ((by_place, by_place.given.pop(0)), (by_name, by_name.settings.pop(first or "any"))):
         assert answer.name == name and answer.settings == {"also": 1} and np.array_equal(got, wanted)
     assert by_place.given == ["more"] and not by_name.given
+
+
+@pytest.mark.parametrize("old", FORMER)
+def test_a_class_that_says_something_by_a_former_name_is_refused(old):
+    with pytest.raises(TypeError, match=rf"^Mine: {old} is called {FORMER[old]} now; rename it$"):
+        type("Mine", (Robot,), {old: True})
+    with pytest.raises(TypeError, match=rf"^Mine: {old} is called {FORMER[old]} now; rename it$"):
+        type("Mine", (RobotDesigning,), {old: True})
 
 
 def test_points_are_always_the_first_argument():

@@ -1,15 +1,19 @@
 """A robot some of whose parameters are held does what the robot does at the whole points."""
 
 import inspect
+import json
 import pickle
 
 import numpy as np
 import pytest
 from hopper import Hopper
 
+import morpholab as ml
+from optim.problems.robot import RobotProblem
+from optim.problems.robot_designing import seeded
 from robots.delegation import public_members
-from robots.partly_fixed import PartlyFixed, held_at
-from robots.robot import Place, Robot, Trial
+from robots.partly_fixed import PartlyFixed, held_at, robot_of_description
+from robots.robot import KINDS, Place, Robot, Trial
 
 POINT = [300.0, 0.05]  # of a hopper: stiffness and stroke
 HELD = held_at(Hopper(), POINT, ["stiff*"])
@@ -57,7 +61,7 @@ def test_every_member_whose_points_are_the_robots_completes_them():
     ("patterns", "message"),
     [
         (["stif"], r"hold: stif matches none of stiffness, stroke; did you mean stiffness\?"),
-        (["*"], "held: all 2 parameters are; leave some free"),
+        (["*"], "hold: all 2 parameters are held; leave some free"),
     ],
 )
 def test_what_cannot_be_held_is_refused(patterns, message):
@@ -68,3 +72,31 @@ def test_what_cannot_be_held_is_refused(patterns, message):
 def test_an_unknown_name_is_refused():
     with pytest.raises(ValueError, match=r"held: 'strok' is no free parameter; did you mean stroke"):
         PartlyFixed(Hopper(), {"strok": 0.1})
+
+
+@pytest.mark.parametrize("name", ["vehicle", "walker", "soft-quadruped", "freeform", "legged"])
+def test_robots_of_all_kinds_start_where_they_do_and_are_built_again(name):
+    robot = ml.robot(name)
+    first, second = (parameter.name for parameter in robot.parameters[:2])
+    held = held_at(robot, robot.start, first)
+    assert held.start.tolist() == robot.start[1:].tolist()
+    kind = KINDS.of(robot)
+    twice = held_at(held, held.start, second) if len(held.parameters) > 1 else held
+    described = json.loads(json.dumps(twice.describe(), default=lambda value: value.tolist()))
+    again = robot_of_description(kind, described)
+    assert isinstance(again, PartlyFixed) and again.held == twice.held
+    assert json.dumps(again.describe(), default=str) == json.dumps(twice.describe(), default=str)
+    assert [each.name for each in again.parameters] == [each.name for each in twice.parameters]
+
+
+def test_a_held_robot_is_seeded_as_any():
+    robot = ml.robot("freeform")
+    problem = RobotProblem(held_at(robot, robot.start, robot.parameters[0].name))
+    five = seeded(problem.describe(), 0, 5)
+    assert json.loads(five["robot"])["robot"]["seed"] == 5 and json.loads(five["robot"])["held"] == problem.robot.held
+
+
+def test_of_a_design_nothing_can_be_held():
+    robot = ml.robot("vehicle")
+    with pytest.raises(ValueError, match=r"^hold: nothing of .* is free; give the run that designed it, or its file$"):
+        held_at(robot.design(robot.start), (), "w1")

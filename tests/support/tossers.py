@@ -18,6 +18,7 @@ class Tosser(Robot):
     speed: float | None = None
     breaks: bool = False
     kills: bool = False
+    refuses: bool = False
 
     kind = "tosser"
     name = "tosser"
@@ -30,6 +31,8 @@ class Tosser(Robot):
     def run(self, points, trial):
         if self.kills:
             os.kill(os.getpid(), signal.SIGKILL)
+        if self.refuses:
+            raise ValueError("floor: too soft to toss from")
         speed = points[:, 0] if self.speed is None else np.full(len(points), self.speed)
         status = np.full(len(points), "diverged" if self.breaks else "ok")
         nothing = np.where(status == "ok", 0.0, np.nan)
@@ -55,3 +58,15 @@ class InFeet(Tosser):
     def run(self, points, trial):
         found = super().run(points, trial)
         return Outcome({**found.measures, "height": found.measures["height"] / 0.3048}, found.status)
+
+
+@dataclass(frozen=True)
+class Namesake(Tosser):
+    """Two of its measures are called as columns of a table are."""
+
+    measures = (Measure("height", "m"), Measure("steps"), Measure("status", "s"))
+
+    def run(self, points, trial):
+        found = super().run(points, trial)
+        one = np.ones(len(points))
+        return Outcome({"height": found.measures["height"], "steps": 1.5 * one, "status": 3.5 * one}, found.status)

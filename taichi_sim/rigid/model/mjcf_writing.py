@@ -1,10 +1,12 @@
 """Writes MJCF of any tree, such as that of a URDF file, which other simulators can play as it stands."""
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid.model.settings import Physics
@@ -13,7 +15,9 @@ from taichi_sim.rigid.model.tree import Body, Hinge, Motor, Servo, Tree
 
 SHORTER = 8  # times as short are time steps of robots whose drives hold rates here
 WITHOUT_CONE = 100.0  # coefficient of friction that stands for ground without a cone
-INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # in the order of MuJoCo's fullinertia
+TAKEN = "world"  # a name that MuJoCo gives to what is fixed
+FLATTEST = 1 - 1e-12  # share of the sum of two principal moments that MuJoCo lets the third be, with its rounding
+LEAST_MOMENT = 2e-15  # kg m^2 that MuJoCo takes
 
 
 def mjcf_text(tree: Tree, physics: Physics, drives: Sequence[str] = (), name: str = "robot") -> str:
@@ -28,6 +32,9 @@ def mjcf_text(tree: Tree, physics: Physics, drives: Sequence[str] = (), name: st
         physics: time step, gravity and friction; the tilt of a slope is in its gravity.
         drives: names of the drives, in the order of commands; by default numbers.
         name: of the model.
+
+    Raises:
+        ValueError: for a body whose inertia MuJoCo does not take.
     """
     root = ElementTree.Element("mujoco", model=name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -41,36 +48,55 @@ def mjcf_text(tree: Tree, physics: Physics, drives: Sequence[str] = (), name: st
     ElementTree.SubElement(world, "geom", floor, name="floor", type="plane", size="0 0 1")
     centres, radii = tree.balls()
     lift = np.array([0.0, 0.0, 0.0 if tree.fixed else -float((centres[:, 2] - radii).min())])
+    called = _names(tree)
     made: dict[str, ElementTree.Element] = {}
     places = {body.name: np.array(body.position, float) + lift for body, _ in tree.ordered}
     for body, joint in tree.ordered:
         parent, origin = (world, np.zeros(3)) if joint is None else (made[joint.parent], places[joint.parent])
-        made[body.name] = _body(parent, body, places[body.name] - origin)
+        made[body.name] = _body(parent, called[body.name], body, places[body.name] - origin)
         if joint is None and not tree.fixed:
             ElementTree.SubElement(made[body.name], "freejoint")
         if isinstance(joint, Hinge):
-            _hinge(made[body.name], joint, np.subtract(joint.anchor, body.position))
+            _hinge(made[body.name], called[body.name], joint, np.subtract(joint.anchor, body.position))
         for solid in body.shapes:
             _geom(made[body.name], solid)
-    _drives(root, tree, drives, step)
+    _drives(root, tree, drives, step, called)
     ElementTree.indent(root, "  ")
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _body(parent: ElementTree.Element, body: Body, place: Floats) -> ElementTree.Element:
-    """A body whose frame is at its centre of mass."""
-    made = ElementTree.SubElement(parent, "body", name=body.name, pos=_row(place))
+def _names(tree: Tree) -> dict[str, str]:
+    """What bodies, and the joints that carry them, are called in the file: as here, but none is the world."""
+    names = [body.name for body, _ in tree.ordered]
+    free = next(name for n in range(len(names) + 1) if (name := f"{TAKEN}{'_' * (n + 1)}") not in names)
+    return {name: free if name == TAKEN else name for name in names}
+
+
+def _body(parent: ElementTree.Element, name: str, body: Body, place: Floats) -> ElementTree.Element:
+    """A body whose frame is at its centre of mass, with its principal moments of inertia.
+
+    Raises:
+        ValueError: for moments that MuJoCo does not take.
+    """
+    made = ElementTree.SubElement(parent, "body", name=name, pos=_row(place))
     if body.mass > 0:
-        inertia = np.asarray(body.inertia, float)
-        given = {"mass": _number(body.mass), "fullinertia": _row([inertia[at] for at in INERTIA])}
+        moments, axes = np.linalg.eigh(np.asarray(body.inertia, float))
+        if moments[0] < LEAST_MOMENT:
+            raise ValueError(
+                f"inertia of {body.name}: a moment of {moments[0]:.3g} kg m^2 is not allowed in MJCF; give at least "
+                f"{LEAST_MOMENT:g}"
+            )
+        moments[2] = min(moments[2], FLATTEST * (moments[0] + moments[1]))  # rounding may leave a flat body more
+        x, y, z, w = Rotation.from_matrix(axes * np.linalg.det(axes)).as_quat()
+        given = {"mass": _number(body.mass), "diaginertia": _row(moments), "quat": _row([w, x, y, z])}
         ElementTree.SubElement(made, "inertial", given, pos="0 0 0")
     return made
 
 
-def _hinge(body: ElementTree.Element, hinge: Hinge, anchor: Floats) -> None:
+def _hinge(body: ElementTree.Element, name: str, hinge: Hinge, anchor: Floats) -> None:
     """The joint of a body, whose angles are as the file of the robot counted them."""
     acts = hinge.passive
-    told = {"name": hinge.child, "type": "hinge", "pos": _row(anchor), "axis": _row(unit("axis", hinge.axis))}
+    told = {"name": name, "type": "hinge", "pos": _row(anchor), "axis": _row(unit("axis", hinge.axis))}
     if hinge.stops is not None:
         told["range"] = _row(np.add(hinge.stops, hinge.rest))
     told |= {
@@ -101,12 +127,15 @@ def _geom(body: ElementTree.Element, solid: Solid) -> None:
     ElementTree.SubElement(body, "geom", told)
 
 
-def _drives(root: ElementTree.Element, tree: Tree, names: Sequence[str], step: float) -> None:
-    """An actuator for each hinge with a drive, in the order of the robot's commands."""
+def _drives(
+    root: ElementTree.Element, tree: Tree, names: Sequence[str], step: float, called: Mapping[str, str]
+) -> None:
+    """An actuator for each hinge with a drive, in the order of the robot's commands; ``called``: bodies in the file."""
     driven = sorted((hinge for hinge in tree.hinges if hinge.motor is not None), key=lambda each: each.command)
     if not driven:
         return
     drives = ElementTree.SubElement(root, "actuator")
+    sharing = Counter(hinge.command for hinge in driven)
     for hinge in driven:
         motor = hinge.motor
         assert motor is not None
@@ -117,7 +146,9 @@ def _drives(root: ElementTree.Element, tree: Tree, names: Sequence[str], step: f
         if motor.torque is not None:
             told["forcerange"] = _row([-motor.torque, motor.torque])
         name = names[hinge.command] if names else f"drive {hinge.command}"
-        ElementTree.SubElement(drives, "general", told, name=name, joint=hinge.child)
+        if sharing[hinge.command] > 1:
+            name = f"{name} of {called[hinge.child]}"
+        ElementTree.SubElement(drives, "general", told, name=name, joint=called[hinge.child])
 
 
 def drive_commands(hinge: Hinge, commands: Floats) -> tuple[Floats, str]:

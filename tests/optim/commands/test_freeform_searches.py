@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from run_products import log
 
-from optim.problems.robot import RobotProblem, seeded
+from optim.problems.robot import RobotProblem
+from optim.problems.robot_designing import seeded
 from robots.freeform.grid import Grid
 from robots.freeform.robot import FreeformRobot
 from robots.hardware import read_channels

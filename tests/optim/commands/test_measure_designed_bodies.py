@@ -27,15 +27,15 @@ def crawler(tmp_path):
 
 @pytest.mark.kernels
 def test_a_found_body_is_measured_with_the_controllers_of_any(crawler, morpholab):
-    line = f"codesign {BODY} --method cma --population 4 --generations 2 --terrain flat --quiet --out run"
+    line = f"codesign {BODY} --method cma --population 4 --generations 2 --terrain hill:2 --quiet --out run"
     assert morpholab(line)[0] == 0
     code, out, error = morpholab(f"measure --robot run --hold '*_size' {TRIED} --out found")
     assert code == 0, error
     size = json.loads((crawler / "run" / "best.json").read_text())["values"]["front_size"]
-    held = json.loads((crawler / "found" / "measures.json").read_text())["robot"]["held"]
-    assert held == {"front_size": size}
+    held = json.loads((crawler / "found" / "measures.json").read_text())
+    assert held["robot"]["held"] == {"front_size": size} and held["environments"] == ["hill:2"]  # as in the run
     fixed = BODY.replace("0.5:2", repr(size))
-    code, alone, error = morpholab(f"measure {fixed} {TRIED} --out fixed")
+    code, alone, error = morpholab(f"measure {fixed} --environments hill:2 {TRIED} --out fixed")
     assert code == 0, error
     found, alone = json.loads(out), json.loads(alone)
     assert found["learnability"] == alone["learnability"] and found["resistance"] == alone["resistance"]
@@ -55,7 +55,7 @@ def test_of_a_robot_without_a_run_starting_values_are_held(crawler, morpholab):
     ("options", "message"),
     [
         ("--hold size", "hold: size matches none of frequency, "),
-        ("--hold '*'", "held: all 8 parameters are; leave some free"),
+        ("--hold '*'", "hold: all 8 parameters are held; leave some free"),
     ],
 )
 def test_what_cannot_be_held_is_refused(options, message, crawler, morpholab):
@@ -70,7 +70,7 @@ def test_a_run_of_which_nothing_is_held_is_refused(crawler, morpholab):
         == 0
     )
     code, _, error = morpholab(f"measure --robot run {TRIED} --out a")
-    assert code == 2 and "hold: say what of the best design of run is no controller, of frequency, " in error
+    assert code == 2 and "hold: nothing of the best design of run; name what is no controller, of frequency, " in error
 
 
 @pytest.mark.kernels

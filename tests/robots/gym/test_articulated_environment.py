@@ -64,7 +64,7 @@ def test_no_difference_plays_the_rhythm(world):
 
 def robot_length(environment: ArticulatedEnvironment) -> float:
     """In which rewards are told [m]."""
-    return environment._batch._sensed.length
+    return environment._batch._anatomy.length
 
 
 @pytest.mark.kernels

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from random_urdf import random_urdf
+from scipy.spatial.transform import Rotation
 
 from taichi_sim.rigid import Body, Box, Capsule, Hinge, Motor, Passive, Physics, Servo, Sphere, Tree
 from taichi_sim.rigid.model.files import read_model
@@ -91,6 +92,40 @@ def test_a_fixed_tree_stays_where_it_is():
     assert again.fixed
     close(again.bodies[1].position, arm.position)
     assert drive_commands(again.hinges[0], np.array([0.5]))[1] == "N m"
+
+
+def disc(name, rng, place=(0.0, 0.0, 0.5)):
+    """A thin plate that lies anyhow: one of its moments is the sum of the others."""
+    turned = Rotation.random(random_state=int(rng.integers(1 << 30))).as_matrix()
+    flat = np.diag([a := rng.uniform(1e-3, 1e-2), b := rng.uniform(1e-3, 1e-2), a + b])
+    return Body(name, place, 0.4, [Sphere(0.01)], turned @ flat @ turned.T)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_flat_bodies_and_one_called_world_are_taken_by_mujoco(seed):
+    mujoco = pytest.importorskip("mujoco")
+    rng = np.random.default_rng(seed)
+    bodies = [disc("base", rng), disc("world", rng, (0.1, 0.0, 0.5)), disc("world_", rng, (0.2, 0.0, 0.5))]
+    hinges = [
+        Hinge("base", "world", (0.05, 0.0, 0.5), (0.0, 1.0, 0.0), Servo(1.0), 0),
+        Hinge("world", "world_", (0.15, 0.0, 0.5), (0.0, 1.0, 0.0), Servo(1.0), 0),
+    ]
+    text = mjcf_text(Tree(bodies, hinges), PHYSICS)
+    theirs = mujoco.MjModel.from_xml_string(text)
+    assert [theirs.body(n).name for n in range(4)] == ["world", "base", "world__", "world_"]
+    assert [theirs.actuator(n).name for n in range(2)] == ["drive 0 of world__", "drive 0 of world_"]
+    for number, body in enumerate(bodies, 1):
+        turn = Rotation.from_quat(np.roll(theirs.body_iquat[number], -1)).as_matrix()
+        found = turn @ np.diag(theirs.body_inertia[number]) @ turn.T
+        np.testing.assert_allclose(found, body.inertia, rtol=1e-9, atol=1e-14)
+    again = read_model(text).tree
+    np.testing.assert_allclose([b.inertia for b, _ in again.ordered], [b.inertia for b in bodies], atol=1e-13)
+
+
+def test_a_moment_that_mujoco_does_not_take_is_refused():
+    speck = Body("speck", (0.0, 0.0, 1.0), 1e-12, [Sphere(0.01)], 1e-15 * np.eye(3))
+    with pytest.raises(ValueError, match=r"^inertia of speck: a moment of 1e-15 kg m\^2 is not allowed in MJCF"):
+        mjcf_text(Tree([speck]), PHYSICS)
 
 
 @pytest.mark.filterwarnings("ignore:model. ignored")
