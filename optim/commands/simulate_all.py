@@ -6,7 +6,7 @@ import os
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from optim.commands import Report, goes_on, options
 from optim.commands.options import QUIET, Command, Option, count, path_to, whole
@@ -16,6 +16,7 @@ from optim.notes import note
 from optim.progress import shown_progress
 from optim.runs.config import has_run, run_of_any_seed
 from robots.robot import OK, Robot, World
+from taichi_sim.base.checks import finite
 from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
@@ -134,7 +135,9 @@ def _report(args: argparse.Namespace, found: "RobotTrials") -> Report:
     measure = next(each for each in found.measures if each.name == (args.measure or found.measures[0].name))
     order = found.ranking(measure.name)
     rows = {name: values.tolist() for name, values in found.columns().items()}
-    robots = [{name: _plain(values[n]) for name, values in rows.items()} for n in range(len(found))]
+    robots = [
+        {name: finite(v[n]) if isinstance(v[n], float) else v[n] for name, v in rows.items()} for n in range(len(found))
+    ]
     document = {
         "folder": None if args.out is None else str(args.out),
         "measure": measure.name,
@@ -154,11 +157,6 @@ def _report(args: argparse.Namespace, found: "RobotTrials") -> Report:
     if failures := [n for n in range(len(found)) if found.status[n] != OK]:
         lines += [f"  {found.sources[n]}: {found.status[n]}" for n in failures[: args.best]]
     return Report(document, "\n".join(lines), 0 if order else FAILED)
-
-
-def _plain(value: Any) -> Any:
-    """A value as JSON has it: NaN is null."""
-    return None if isinstance(value, float) and value != value else value
 
 
 def _write(path: Path, found: "RobotTrials") -> str:
