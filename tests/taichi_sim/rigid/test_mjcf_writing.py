@@ -146,3 +146,15 @@ def test_robots_of_urdf_files_are_the_same_in_mujoco(seed):
             state.xipos[number] - state.xipos[1],
             np.subtract(body.position, tree.ordered[0][0].position),
         )
+
+
+def test_a_damping_ratio_is_that_of_what_hangs_on_the_hinge():
+    """A rod of 0.3 kg and 0.4 m about its end, with a rotor: critically damped by 2 sqrt(k I)."""
+    rod = np.diag([1e-6, 0.3 * 0.4**2 / 12, 0.3 * 0.4**2 / 12])
+    arm = Body("arm", (0.2, 0.0, 1.0), 0.3, [Sphere(0.01)], rod)
+    base = Body("base", (0.0, 0.0, 1.0), 0.0, inertia=np.eye(3))
+    servo = dataclasses.replace(Servo.position(-1.0, 1.0, 40.0, 0.1), damping_ratio=1.0)
+    hinge = Hinge("base", "arm", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), servo, 0, passive=Passive(rotor_inertia=2e-3))
+    again = read_model(mjcf_text(Tree([base, arm], [hinge], fixed=True), PHYSICS)).tree.hinges[0].motor
+    assert again.by_angle == -40.0
+    assert again.by_rate == pytest.approx(0.1 + 2 * np.sqrt(40.0 * (0.3 * 0.4**2 / 3 + 2e-3)))
