@@ -9,14 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.problems import kind_of_run, robot_of_run
+from optim.problems import kind_of_run, offered_by_run, robot_of_run
 from optim.runs.config import read_config
-from optim.runs.history import read_history
+from optim.runs.history import History, read_history
+from robots.partly_fixed import held_at
 from robots.robot import KINDS, Robot, RobotKind, World, find_robot_doing, make_robot
 from taichi_sim.base.arrays import copied
 from taichi_sim.base.checks import nearest, shown
 
 MOST_TOLD = 12  # names in a message
+FEW_TOLD = 8  # of those in the middle of one
 
 OptionValue = str | float | bool | PathLike[str] | Sequence[float] | None
 Designs = ArrayLike | Mapping[str, ArrayLike] | None
@@ -106,6 +108,28 @@ def of_run(folder: Path, elsewhere: bool = False) -> tuple[Robot, World]:
     """
     found, worlds = robot_of_run(read_history(folder), elsewhere=elsewhere)
     return found, worlds[0]
+
+
+def held_of_run(
+    history: History, patterns: Sequence[str], given: Mapping[str, Any], what: str
+) -> tuple[Robot, tuple[World, ...]]:
+    """The robot of a run with some parameters held as its best design has them, and the run's worlds.
+
+    Args:
+        history: of the run.
+        patterns: names of the parameters, or patterns of names.
+        given: options of the robot that are to be other than in the run.
+        what: is wanted, for the message if there are no patterns.
+
+    Raises:
+        ValueError: if nothing is held, so that the best design would not matter; for patterns that match nothing; if
+            there is no best design, or it is of several robots.
+    """
+    found, best, worlds = offered_by_run(history)
+    if not patterns:
+        free = some_of([parameter.name for parameter in found.parameters], FEW_TOLD)
+        raise ValueError(f"hold: nothing of the best design of {history.path}; name {what}, of {free}")
+    return held_at(found.changed(given), best, patterns), worlds
 
 
 def points_of(tried: Robot, designs: Designs) -> ArrayLike:

@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.delegation import delegating
+from robots.kind import OWN_MEASURES_FIELD
 from robots.robot import Outcome, Parameter, Robot, RobotKind, Trial, World
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import nearest, number, table
 from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
+    from robots.own_measures import OwnMeasure
     from robots.uncertainty import Perturbation
 
 MOST_TOLD = 12  # names in a message
@@ -31,18 +33,35 @@ def held_at(robot: Robot, point: ArrayLike, patterns: str | Iterable[str]) -> "P
     Raises:
         ValueError: for a pattern that matches none, or if nothing stays free.
     """
+    found = matching(robot, patterns)
+    values = dict(zip((parameter.name for parameter in robot.parameters), robot.points(point)[0], strict=True))
+    return PartlyFixed(robot, {name: float(values[name]) for name in found})
+
+
+def matching(robot: Robot, patterns: str | Iterable[str]) -> list[str]:
+    """Names of the parameters that match any of some patterns.
+
+    Raises:
+        ValueError: for a pattern that matches none.
+    """
     names = [parameter.name for parameter in robot.parameters]
     if not names:
         raise ValueError(f"hold: nothing of {robot.name} is free; give the run that designed it, or its file")
-    values = robot.points(point)[0]
-    held = dict[str, float]()
+    found = dict[str, None]()
     for pattern in [patterns] if isinstance(patterns, str) else patterns:
-        found = [name for name in names if fnmatchcase(name, pattern)]
-        if not found:
+        new = [name for name in names if fnmatchcase(name, pattern)]
+        if not new:
             told = ", ".join(names[:MOST_TOLD]) + (f", ... ({len(names)})" if len(names) > MOST_TOLD else "")
             raise ValueError(f"hold: {pattern} matches none of {told}{nearest(pattern, names)}")
-        held |= {name: float(values[names.index(name)]) for name in found}
-    return PartlyFixed(robot, held)
+        found |= dict.fromkeys(new)
+    return list(found)
+
+
+def held_as(robot: Robot, other: Robot) -> Robot:
+    """A robot, whatever is held of it, with those parameters held that are held of another one, at the same values."""
+    while isinstance(robot, PartlyFixed):
+        robot = robot.robot
+    return PartlyFixed(held_as(robot, other.robot), other.held) if isinstance(other, PartlyFixed) else robot
 
 
 def inner_description(description: dict[str, Any]) -> dict[str, Any]:
@@ -91,6 +110,12 @@ class PartlyFixed(Robot):
         if not self._free.any():
             raise ValueError(f"hold: all {counted(len(names), 'parameter')} are held; leave some free")
         self._values = np.array([held.get(name, 0.0) for name in names])
+
+    @property
+    def own_measures(self) -> "tuple[OwnMeasure, ...]":
+        """Measures that only a file or another package defines, of robots that can have some."""
+        found: tuple[OwnMeasure, ...] = getattr(self.robot, OWN_MEASURES_FIELD)
+        return found
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]

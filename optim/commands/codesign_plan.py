@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from optim.commands import options
 from optim.commands.codesign_seeds import SEEDS
 from optim.commands.options import Option, count
-from optim.commands.robots import early
+from optim.commands.robots import early, history_of, named_doing
 from optim.problem import FILE, Objective, objectives_of, score_of
 from optim.problems import kind_of_description, kind_of_run, problem_of_run
 from optim.problems.designer import Design, DesignRequest, designer_of
@@ -117,7 +117,7 @@ def named_kinds(words: Sequence[str]) -> list[RobotKind]:
         out = Path(found.out)
         if run := out if has_run(out) else run_of_any_seed(out):
             return [kind_of_run(run, read_config(run))]
-    return [find_robot_doing(robot)[0]]
+    return [named_doing(robot, None).kind]
 
 
 def check_said_once(args: argparse.Namespace) -> None:
@@ -189,16 +189,22 @@ def _known(args: argparse.Namespace) -> dict[str, Any] | None:
 def _robot_design(args: argparse.Namespace, known: dict[str, Any] | None, method: str) -> Design:
     """The problem of a robot, new or of the run that continues."""
     last = problem_of_run(begun, known) if known and (begun := _begun(args)) else None
-    named, source = find_robot_doing(args.robot)
-    kind = kind_of_description(known["problem"]) if known else named
+    named = named_doing(args.robot, None)
+    source = named.source
+    kind = kind_of_description(known["problem"]) if known else named.kind
     if kind is None:
         raise ValueError(f"out: the run in {args.out} designs no robot")
-    file = source is not None and source not in named.designs  # Python sets any kind; which robot it is is compared
-    if known and args.robot is not None and named.name != kind.name and not file:
+    # Python sets any kind; which robot it is is compared.
+    file = source is not None and source not in named.kind.designs
+    if known and args.robot is not None and named.kind.name != kind.name and not file:
         raise ValueError(f"robot: the run in {args.out} is one of {kind.title}; leave --robot out")
+    designer = designer_of(kind)
+    if named.run is not None and not designer.holds:
+        find_robot_doing(args.robot)  # which refuses a folder
     given = {**args.parser.values(args, kind), **options.given_compute(args)}
-    return designer_of(kind).design(
-        DesignRequest(source, given, method, takes_several(method), last, args.out, args.resume)
+    best_of = None if named.run is None else history_of(named.run)
+    return designer.design(
+        DesignRequest(source, given, method, takes_several(method), last, args.out, args.resume, best_of)
     )
 
 

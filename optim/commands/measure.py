@@ -37,8 +37,8 @@ COMMAND = Command(
         options.robot("or the folder of a run; all that is free of it counts as its controller", "(required)"),
         Option(
             "hold",
-            "parameters that are not its controller, by name or pattern, such as '*_size': they are held as the best "
-            "design of the run has them, or else as searches start; repeat it for more",
+            "parameters that are not its controller, by name or pattern, such as '*_size': they are held as in the "
+            "best design of the run, or else as simulate tries them; repeat it for more",
             metavar="NAME",
             several=True,
         ),
@@ -128,18 +128,13 @@ def _robot(named: Named, given: Mapping[str, Any], hold: Sequence[str]) -> tuple
     Raises:
         ValueError: for a run of which nothing is held: its best design would not matter.
     """
-    from optim.named import some_of
-    from optim.problems import offered_by_run
+    from optim.named import held_of_run
     from robots.partly_fixed import held_at
 
     if named.run is None:
         robot = make_robot(named.kind, named.source, given)
         return held_at(robot, robot.start, hold) if hold else robot, tuple(robot.worlds)
-    robot, best, worlds = offered_by_run(history_of(named.run))
-    if not hold:
-        free = some_of([parameter.name for parameter in robot.parameters], NAMES_TOLD)
-        raise ValueError(f"hold: nothing of the best design of {named.run}; name what is no controller, of {free}")
-    return held_at(robot.changed(given), best, hold), worlds
+    return held_of_run(history_of(named.run), hold, given, "what is no controller")
 
 
 def _environments(

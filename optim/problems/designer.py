@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from optim.problem import Problem, RelaxableProblem
 from optim.problems.earlier import is_described_by
-from robots.robot import Option, RobotKind, find_robot_doing, lost_in, make_robot
+from optim.runs.history import History
+from robots.partly_fixed import PartlyFixed, held_as, held_at, inner_description, matching
+from robots.robot import Option, Robot, RobotKind, World, find_robot_doing, lost_in, make_robot
 from taichi_sim.base.lazy import imported
 from taichi_sim.base.options import count, number
 
@@ -39,6 +41,13 @@ GRADIENT_HORIZON = Option(
     number(1e-6, 1e6, "s"),
     "SECONDS",
 )
+HOLD = Option(
+    "hold",
+    "parameters that shall not change, by name or pattern, such as '*_size': they stay as in the best design of the "
+    "run that --robot gives, or else as simulate tries them; repeatable",
+    metavar="NAME",
+    several=True,
+)
 VEHICLE_WORDS = {"total": "mean", "environments": "each"}  # what these are of robots of other kinds
 
 
@@ -54,6 +63,7 @@ class DesignRequest:
         known: the problem of the run that continues; None for a new one.
         out: folder of the run, for messages.
         resume: whether a run was to be continued.
+        best_of: the run that ``--robot`` gives instead, parameters of whose best design are held.
     """
 
     source: str | None
@@ -63,6 +73,12 @@ class DesignRequest:
     known: Problem | None
     out: Path
     resume: bool = False
+    best_of: "History | None" = None
+
+    @property
+    def named(self) -> str | None:
+        """What ``--robot`` gives beside a kind, for messages."""
+        return self.source if self.best_of is None else str(self.best_of.path)
 
     def same(self, field_name: str, given: str | None, known: str) -> str:
         """A setting of the run that continues, which may be given again but not changed.
@@ -97,7 +113,14 @@ class Design:
 
 
 class Designer:
-    """Makes problems of a kind of robot: its parameters become variables, its measures objectives."""
+    """Makes problems of a kind of robot: its parameters become variables, its measures objectives.
+
+    Attributes:
+        kind: the kind of robot.
+        holds: whether parameters can be held.
+    """
+
+    holds = True
 
     def __init__(self, kind: RobotKind) -> None:
         """For a kind of robot."""
@@ -121,6 +144,7 @@ class Designer:
             *(UNCERTAIN_OPTIONS if any(world.name == "terrain" for world in worlds) else ()),
             *((GRADIENT_HORIZON,) if self.kind.fading_gradients else ()),
             Option("measure", "of the robot that mean, each and worst are about (default: its first)", metavar="NAME"),
+            HOLD,
             *self.kind.options_for("codesign"),
         )
 
@@ -143,7 +167,18 @@ class Designer:
         if asked.known is not None:
             return Design(self._continued(asked, settings))
         settings.setdefault("objective", "each" if asked.several else "mean")
-        return Design(RobotProblem(make_robot(self.kind, asked.source, self._own(asked.given)), **settings))
+        robot, worlds = self._robot(asked)
+        return Design(RobotProblem(robot, **{"worlds": worlds, **settings} if worlds else settings))
+
+    def _robot(self, asked: DesignRequest) -> tuple[Robot, tuple[World, ...]]:
+        """The robot of a new run, with what is to be held, and the worlds of the run that it is from."""
+        from optim.named import held_of_run
+
+        own, hold = self._own(asked.given), asked.given.get("hold", ())
+        if asked.best_of is not None:
+            return held_of_run(asked.best_of, hold, own, "what shall stay as it is")
+        robot = make_robot(self.kind, asked.source, own)
+        return held_at(robot, robot.start, hold) if hold else robot, ()
 
     def _objectives(self, asked: DesignRequest) -> dict[str, Any]:
         """Fields of the problem by which it is judged; several goals are judged by their mean unless a word is given.
@@ -169,14 +204,14 @@ class Designer:
         own = self._own(asked.given)
         lost = lost_in(known.offered)
         again = f"give --robot {lost[0].source} again, which alone defines {lost[0].name}" if lost else "leave it out"
-        if asked.source is not None or own.keys() - {"seed"}:  # which is that of the search, too
-            kind = self.kind if asked.source is None else find_robot_doing(asked.source)[0]  # Python sets any kind
-            robot = make_robot(kind, asked.source, own)
-            if not is_described_by(known.offered.describe(), robot.describe()):
-                what = asked.source or "what is given"
+        _check_held(asked, known.offered)
+        if asked.named is not None or own.keys() - {"seed"}:  # which is that of the search, too
+            robot = self._robot_again(asked, own)
+            if not is_described_by(*(inner_description(each.describe()) for each in (known.offered, robot))):
+                what = asked.named or "what is given"
                 raise ValueError(f"robot: {what} is not the robot of the run in {asked.out}; {again}")
             if lost:
-                known = dataclasses.replace(known, robot=robot)
+                known = dataclasses.replace(known, robot=held_as(robot, known.offered))
         elif lost:
             raise ValueError(f"robot: is missing for the run in {asked.out}; {again}")
         fields = {each.name for each in dataclasses.fields(known)}
@@ -188,6 +223,15 @@ class Designer:
             raise ValueError(f"{name}: the run in {asked.out} is one of version 1.0, which knows none; leave it out")
         problem: Problem = dataclasses.replace(known, **settings)
         return problem
+
+    def _robot_again(self, asked: DesignRequest, own: Mapping[str, Any]) -> Robot:
+        """The robot that is given for a run that continues, whatever is held of it."""
+        from optim.problems import offered_by_run
+
+        if asked.best_of is not None:
+            return offered_by_run(asked.best_of)[0].changed(own)
+        kind = self.kind if asked.source is None else find_robot_doing(asked.source)[0]  # Python sets any kind
+        return make_robot(kind, asked.source, own)
 
     def horizons(
         self, source: str | None, given: Mapping[str, Any], wanted: Sequence[int] | None
@@ -234,7 +278,7 @@ class VehicleDesigner(Designer):
 
         settings = asked.chosen(COMPUTE)
         texts = asked.given.get("objective", [])
-        named = asked.known is None and any(text not in VEHICLE_WORDS for text in texts)
+        named = asked.known is None and ("hold" in asked.given or any(text not in VEHICLE_WORDS for text in texts))
         if named or self.kind.chosen_worlds(asked.given) or hasattr(asked.known, "worlds"):
             given = {**asked.given, **({"objective": [VEHICLE_WORDS.get(t, t) for t in texts]} if texts else {})}
             return super().design(dataclasses.replace(asked, given=given))  # by each environment's own measures
@@ -265,6 +309,16 @@ def objective_option(words: str, default: str) -> Option:
 def options_of(kind: RobotKind) -> tuple[Option, ...]:
     """List the options of ``codesign`` for a kind of robot."""
     return designer_of(kind).options
+
+
+def _check_held(asked: DesignRequest, known: Robot) -> None:
+    """Refuse to hold other parameters than those that are held in the run that continues."""
+    if (patterns := asked.given.get("hold")) is None:
+        return
+    if not isinstance(known, PartlyFixed):
+        raise ValueError(f"hold: nothing is held in the run in {asked.out}; leave it out")
+    if (held := sorted(known.held)) != sorted(matching(known.robot, patterns)):
+        raise ValueError(f"hold: the run in {asked.out} holds {', '.join(held)}; leave it out")
 
 
 def _of_several(option: Option) -> str:

@@ -135,10 +135,17 @@ class ArticulatedKind(RobotKind):
 
     def world(self, text: Any) -> World:
         """Ground by its name."""
-        from robots.articulated.worlds import GROUND, on_ground
+        from robots.articulated.worlds import FORMER, GROUND, on_ground
 
-        known = {GROUND.name: GROUND}
-        return on_ground(known.get(text) or Terrain.parse(text) if isinstance(text, str) else text)
+        if text == FORMER.name:
+            return GROUND
+        return on_ground(Terrain.parse(text) if isinstance(text, str) else text)
+
+    def world_of(self, record: Any) -> World:
+        """Ground by its name, which stays as it is in results of earlier versions."""
+        from robots.articulated.worlds import FORMER
+
+        return FORMER if record == FORMER.name else super().world_of(record)
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Files of MuJoCo and of ROS."""

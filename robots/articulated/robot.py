@@ -330,8 +330,8 @@ class ArticulatedRobot(Robot):
         return felt_over_time(self, points, world, compute)
 
     def as_terrain(self, world: World) -> World:
-        """Convert the level floor to a flat terrain; other worlds are terrains already."""
-        return Terrain() if world == GROUND else world
+        """Convert the level ground of earlier versions to a flat terrain; other worlds are terrains already."""
+        return world if isinstance(world, Terrain) else GROUND
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """Build the motion of the robot, with its sensors and commands, from an outcome with recorded frames."""

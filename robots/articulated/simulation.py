@@ -74,7 +74,7 @@ def simulate(
     Args:
         robot: the robot.
         points: values of its parameters, (N, P).
-        terrain: ``GROUND``, or a ``Terrain`` with a slope, uneven ground, sand, or water.
+        terrain: level, or with a slope, uneven ground, sand, or water.
         record_every: time steps between frames; None for none.
         progress: called with the fraction done.
         **compute: device, precision and threads, as of :class:`Compute`.

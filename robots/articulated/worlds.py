@@ -1,4 +1,4 @@
-"""Worlds of articulated robots: the level floor, or a terrain, as the engine takes them."""
+"""Worlds of articulated robots: terrains, as the engine takes them."""
 
 import math
 from dataclasses import replace
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from robots.articulated.robot import ArticulatedRobot
     from taichi_sim.ground import Relief
 
-GROUND = Place("ground")
+GROUND = Terrain()  # level
+FORMER = Place("ground")  # the same in runs of earlier versions, whose results have its name
 TERRAIN_FIELDS = ("slope", "ground", *FLUID_FIELDS)  # which articulated robots take
 DEEP = 1e5  # m: how far a fluid all around reaches up, and down to the ground
 FINENESS = 50  # nodes of uneven ground along a robot
@@ -29,8 +30,8 @@ def on_ground(world: World) -> World:
     Raises:
         ValueError: for worlds of other kinds, and terrains that are more than ground.
     """
-    if world in (GROUND, Terrain()):
-        return GROUND
+    if world == FORMER:
+        return world
     terrain = terrain_of(world)
     if not_taken(terrain, TERRAIN_FIELDS):
         raise ValueError(

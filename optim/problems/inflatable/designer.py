@@ -159,6 +159,8 @@ OPTIONS = (
 class InflatableDesigner(Designer):
     """Searches encode gaits in ways of their own, and judge them on terrains one after the other."""
 
+    holds = False  # --orientation and --pressure do
+
     @property
     def options(self) -> tuple[Option, ...]:
         """What ``codesign`` can be asked."""

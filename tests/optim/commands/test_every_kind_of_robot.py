@@ -17,18 +17,18 @@ SHORE = "ramp:-10,0.1+water:0.02"
 KINDS = {
     "quadruped": ("legged", "--looks 12 --limb-length 0.5", "--environment 2", "light", "1/m²", "0,9"),
     "rover": ("rover", "--looks 12 --body-mass 5", "--environment 2", "approach", "m", "-4,4"),
-    "model of MuJoCo": ("crawler.xml", "--duration 0.1 --friction inf", "", "speed", "m/s", "ground"),
+    "model of MuJoCo": ("crawler.xml", "--duration 0.1 --friction inf", "", "speed", "m/s", "flat"),
     "model of free sizes": (
         "crawler.xml",
         "--duration 0.1 --body-sizes front=0.5:2 --body-sizes trunk=1.2",
         "",
         "speed",
         "m/s",
-        "ground",
+        "flat",
     ),
     "model in water": ("crawler.xml", "--duration 0.1 --friction inf", f"--terrain {SHORE}", "speed", "m/s", SHORE),
     "pouch": ("pouch", "--cycles 1 --settling 0.02 --frequency 8", "", "speed", "BL/s", "flat"),
-    "model of ROS": ("cart.urdf", "--duration 0.1 --controller network --light 1,0,0.5", "", "speed", "m/s", "ground"),
+    "model of ROS": ("cart.urdf", "--duration 0.1 --controller network --light 1,0,0.5", "", "speed", "m/s", "flat"),
 }
 
 

@@ -214,7 +214,7 @@ def test_a_users_file_may_set_a_robot_of_another_kind(morpholab, tmp_path):
     source = "from robots.articulated import load_robot\nrobot = load_robot('crawler.xml', duration=0.1)\n"
     (tmp_path / "dog.py").write_text(source)
     code, out, error = morpholab("simulate --robot dog.py --threads 1 --json --quiet")
-    assert code == 0 and json.loads(out)["world"] == "ground", error
+    assert code == 0 and json.loads(out)["world"] == "flat", error
     direct = json.loads(morpholab("simulate --robot crawler.xml --duration 0.1 --threads 1 --json --quiet")[1])
     assert {**json.loads(out), "robot": ""} == {**direct, "robot": ""}
 

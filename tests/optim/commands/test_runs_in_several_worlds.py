@@ -21,7 +21,7 @@ def run(tmp_path, morpholab):
 
 def test_one_is_tried_and_the_others_are_named(run, morpholab):
     code, out, error = morpholab("simulate --robot run")
-    assert code == 0 and out.startswith("run on ground: ok")
+    assert code == 0 and out.startswith("run on flat: ok")
     assert "note: its run has hill:5, too: --world tries another" in error
     code, out, error = morpholab("simulate --robot run --terrain hill:5")
     assert code == 0 and out.startswith("run on hill:5: ok") and "its run has" not in error
@@ -30,9 +30,9 @@ def test_one_is_tried_and_the_others_are_named(run, morpholab):
 
 def test_all_are_judged(run, morpholab):
     code, out, _ = morpholab("simulate --robot run --judge --quiet")
-    assert code in (0, 1) and re.findall(r"^run on (\S+):", out, re.M) == ["ground", "hill:5"]
+    assert code in (0, 1) and re.findall(r"^run on (\S+):", out, re.M) == ["flat", "hill:5"]
     told = json.loads(morpholab("simulate --robot run --judge --quiet --json")[1])
-    assert [each["world"] for each in told["worlds"]] == ["ground", "hill:5"]
+    assert [each["world"] for each in told["worlds"]] == ["flat", "hill:5"]
     alone = json.loads(morpholab("simulate --robot run --judge --quiet --json --terrain hill:5")[1])
     assert alone == told["worlds"][1]
 
@@ -52,7 +52,7 @@ def test_a_design_is_tried_otherwise(run, morpholab):
 
 def test_a_report_names_all(run, morpholab):
     assert morpholab("report run --out page.html --no-player --quiet")[0] == 0
-    assert "<title>run: crawler, on ground and up a slope of 5°" in (run.parent / "page.html").read_text()
+    assert "<title>run: crawler, on flat ground and up a slope of 5°" in (run.parent / "page.html").read_text()
 
 
 def test_a_world_that_is_given_twice_is_refused(run, morpholab):

@@ -167,7 +167,7 @@ def test_robots_of_files_are_designed_for_slopes_that_are_uncertain(morpholab, t
     (tmp_path / "crawler.xml").write_text(CRAWLER)
     line = "codesign --robot crawler.xml --duration 0.1 --uncertain slope=2 --draws 2 --generations 1 --climbers 2"
     code, out, error = morpholab(f"{line} --out runs/a --quiet")
-    assert code == 0 and "ground: speed over 64 held-out draws: mean " in out, error
+    assert code == 0 and "flat: speed over 64 held-out draws: mean " in out, error
 
 
 @pytest.mark.slow

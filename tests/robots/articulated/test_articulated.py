@@ -244,7 +244,7 @@ def test_it_offers_what_every_robot_offers(tmp_path):
     robot = KINDS["articulated"].from_description(crawler().describe())
     assert json.loads(json.dumps(robot.describe())) == robot.describe()
     world = robot.worlds[0]
-    assert KINDS["articulated"].world_of(KINDS["articulated"].world_record(world)) == Place("ground")
+    assert KINDS["articulated"].world_of(KINDS["articulated"].world_record(world)) == world == Terrain()
     points = some_points(robot, 2)
     outcome = robot.differentiate(points, world, measures=["speed", "distance"])
     assert outcome.measures["speed"] == pytest.approx(outcome.measures["distance"] / 0.4)
@@ -420,7 +420,7 @@ def test_motions_show_what_is_below():
     for world in (GROUND, UNEVEN, Terrain(5.0), SHORE, Terrain.water()):
         outcome = robot.run(some_points(robot, 1), Trial(world, Compute(**HERE), 1))
         shown[world.name] = robot.motion(outcome, world, "it").ground
-    assert shown["ground"] == GroundPlane() and shown["hill:5"] == GroundPlane(slope=5.0)
+    assert shown["flat"] == GroundPlane() and shown["hill:5"] == GroundPlane(slope=5.0)
     assert shown[UNEVEN.name].relief.heights.max() > 0.01 and shown[UNEVEN.name].relief.water is None
     assert shown[SHORE.name].relief.water.level == 0.02
     assert not shown["water"].solid and shown["water"].level < 0
@@ -460,6 +460,17 @@ def test_friction_can_be_drawn():
     robots = [crawler(friction=0.3 * drawn.gripping) for drawn in unknown.draw(3, HELD_OUT)]
     each = [one.simulate([point], GROUND, compute=Compute(**HERE)).measures["speed"][0] for one in robots]
     assert told["worst"] == min(each) < told["mean"] == pytest.approx(np.mean(each))
+
+
+@pytest.mark.kernels
+def test_runs_of_earlier_versions_keep_what_they_called_level_ground():
+    """Their tables and logs have columns of that name."""
+    kind, robot = KINDS["articulated"], crawler(duration=0.1, controller="rhythm")
+    before = kind.world_of("ground")
+    assert before == Place("ground") == kind.world_of(kind.world_record(before)) and kind.world("ground") == GROUND
+    results = [robot.run(some_points(robot, 2), Trial(world, Compute(**HERE))) for world in (before, GROUND)]
+    assert np.array_equal(*(result.measures["distance"] for result in results))
+    assert robot.as_terrain(before) == Terrain()
 
 
 def test_terrains_by_name():
