@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
-from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -13,6 +12,7 @@ from robots.kind import OWN_MEASURES_FIELD
 from robots.robot import Outcome, Parameter, Robot, RobotKind, Trial, World
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import nearest, number, table
+from taichi_sim.base.names import matching
 from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
@@ -33,12 +33,12 @@ def held_at(robot: Robot, point: ArrayLike, patterns: str | Iterable[str]) -> "P
     Raises:
         ValueError: for a pattern that matches none, or if nothing stays free.
     """
-    found = matching(robot, patterns)
+    found = names_matching(robot, patterns)
     values = dict(zip((parameter.name for parameter in robot.parameters), robot.points(point)[0], strict=True))
     return PartlyFixed(robot, {name: float(values[name]) for name in found})
 
 
-def matching(robot: Robot, patterns: str | Iterable[str]) -> list[str]:
+def names_matching(robot: Robot, patterns: str | Iterable[str]) -> list[str]:
     """Names of the parameters that match any of some patterns.
 
     Raises:
@@ -49,7 +49,7 @@ def matching(robot: Robot, patterns: str | Iterable[str]) -> list[str]:
         raise ValueError(f"hold: nothing of {robot.name} is free; give the run that designed it, or its file")
     found = dict[str, None]()
     for pattern in [patterns] if isinstance(patterns, str) else patterns:
-        new = [name for name in names if fnmatchcase(name, pattern)]
+        new = [names[n] for n in matching(pattern, names)]
         if not new:
             told = ", ".join(names[:MOST_TOLD]) + (f", ... ({len(names)})" if len(names) > MOST_TOLD else "")
             raise ValueError(f"hold: {pattern} matches none of {told}{nearest(pattern, names)}")

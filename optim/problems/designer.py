@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from optim.problem import Problem, RelaxableProblem
 from optim.problems.earlier import is_described_by
 from optim.runs.history import History
-from robots.partly_fixed import PartlyFixed, held_as, held_at, inner_description, matching
+from robots.partly_fixed import PartlyFixed, held_as, held_at, inner_description, names_matching
 from robots.robot import Option, Robot, RobotKind, World, find_robot_doing, lost_in, make_robot
 from taichi_sim.base.lazy import imported
 from taichi_sim.base.options import count, number
@@ -317,7 +317,7 @@ def _check_held(asked: DesignRequest, known: Robot) -> None:
         return
     if not isinstance(known, PartlyFixed):
         raise ValueError(f"hold: nothing is held in the run in {asked.out}; leave it out")
-    if (held := sorted(known.held)) != sorted(matching(known.robot, patterns)):
+    if (held := sorted(known.held)) != sorted(names_matching(known.robot, patterns)):
         raise ValueError(f"hold: the run in {asked.out} holds {', '.join(held)}; leave it out")
 
 

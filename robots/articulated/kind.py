@@ -8,8 +8,10 @@ from typing import Any
 from robots.kind import OWN_MEASURES_OPTION
 from robots.robot import Option, Robot, RobotKind, World
 from robots.world import Terrain
+from taichi_sim.base.names import joined
 from taichi_sim.base.options import checked, flag, number, numbers
 
+SEVERAL = ("servos", "body_sizes")  # options that are given one by one
 SUFFIXES = (".xml", ".mjcf", ".urdf")
 REFLEXES = (
     "what it feels and changes its rhythm by: touch, angles, tilt, velocity, light, clock, acceleration, "
@@ -33,6 +35,19 @@ def _body_size(text: str) -> Any:
     from robots.articulated.sizes import size_of_text
 
     return size_of_text(text)
+
+
+def _servo(text: str) -> dict[str, tuple[float, ...]]:
+    """Parse the gains of servos, such as ``knee*=40,1`` or ``40`` of all."""
+    name, given, gains = text.rpartition("=")
+    try:
+        values = tuple(float(part) for part in gains.split(","))
+    except ValueError:
+        values = ()
+    if (given and not name) or len(values) not in (1, 2):
+        told = "give NAME=STIFFNESS,DAMPING or NAME=STIFFNESS, as knee*=40,1, or these without a name for all"
+        raise ValueError(f"servos: {text!r} is not allowed; {told}")
+    return {name or "*": values}
 
 
 class ArticulatedKind(RobotKind):
@@ -68,6 +83,15 @@ class ArticulatedKind(RobotKind):
             number(1e-6),
             "N",
         ),
+        Option(
+            "servos",
+            "gains of drives of URDF that are servos, by a joint's name or a pattern, in N m/rad and N m s/rad: "
+            "knee*=40,1, or knee*=40 with critical damping, or 40,1 for all; repeatable (default: ideal drives, which "
+            "hold rates)",
+            checked(_servo),
+            "NAME=STIFFNESS,DAMPING",
+            several=True,
+        ),
         Option("reflexes", REFLEXES, checked(_reflexes), "SENSES"),
         flag("fixed", "fix the base of a URDF robot to the world, as a root link named world does"),
         Option(
@@ -97,13 +121,11 @@ class ArticulatedKind(RobotKind):
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a file."""
         from robots.articulated.loading import load_robot
-        from robots.articulated.sizes import joined
 
         if source is None:
             raise ValueError("robot: an articulated robot is made of a file; give it, such as ant.xml or arm.urdf")
-        given = dict(options)
-        if isinstance(sizes := given.get("body_sizes"), list | tuple):
-            given["body_sizes"] = joined(sizes)
+        several = (name for name in SEVERAL if isinstance(options.get(name), list | tuple))
+        given = {**options, **{name: joined(name, options[name]) for name in several}}
         robot = load_robot(source, **given)
         if robot.light is not None and not robot.sees:  # policies of environments may, with robots that Python loads
             place = ",".join(f"{each:g}" for each in robot.light)

@@ -32,6 +32,9 @@ def record_of(robot: "ArticulatedRobot") -> dict[str, Any]:
     found[FIELD] = record_of_sizes(robot.body_sizes)
     if not robot.body_sizes:  # as before there were any
         del found[FIELD]
+    found["servos"] = {name: list(gains) for name, gains in robot.servos.items()}
+    if not robot.servos:  # as before there were any
+        del found["servos"]
     found = {name: value for name, value in found.items() if value is not None or name not in _LEFT_OUT_IF_NONE}
     if robot.seed == 0:  # as before there was any
         del found["seed"]

@@ -28,6 +28,7 @@ from taichi_sim.base.short_text import counted
 from taichi_sim.rigid import Network, Senses, Tree
 from taichi_sim.rigid.model.assembly import Model
 from taichi_sim.rigid.model.files import Reading, parse_model
+from taichi_sim.rigid.model.urdf_drives import Gains, checked_gains
 
 if TYPE_CHECKING:
     from robots.uncertainty import Perturbation
@@ -77,6 +78,7 @@ class ArticulatedRobot(Robot):
         own_measures: of the user, see ``robots.own_measures``; installed ones may be given by name.
         body_sizes: sizes of bodies, by their names or patterns of these such as ``thigh*``: a factor, or one that is
             ``Free``, for all that match; see ``taichi_sim.rigid.model.scaling``.
+        servos: gains of drives of URDF that are servos, by names of joints or patterns, see ``files.Reading``.
         model: what the file describes; made of the text.
 
     Raises:
@@ -103,6 +105,7 @@ class ArticulatedRobot(Robot):
     seed: int = 0
     own_measures: tuple[OwnMeasure, ...] = ()
     body_sizes: Mapping[str, Size] = field(default_factory=dict)
+    servos: Mapping[str, Gains] = field(default_factory=dict)
     model: Model = field(init=False, repr=False)
 
     kind = "articulated"
@@ -131,6 +134,7 @@ class ArticulatedRobot(Robot):
             checks.positive("slip", self.slip)
         if self.light is not None:
             object.__setattr__(self, "light", checked_place("light", self.light))
+        object.__setattr__(self, "servos", checked_gains(self.servos))
         model = parse_model(self.text, **self.reading)
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "body_sizes", checked_sizes(self.body_sizes))

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from robots.free import Free
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.names import matching
 from taichi_sim.base.variables import Variable
 from taichi_sim.ground.relief import Relief
 from taichi_sim.rigid.gradient import RigidGradient
@@ -45,20 +45,6 @@ def size_of_text(text: str) -> dict[str, Size]:
     if not name:
         raise ValueError(f"{FIELD}: {text!r} is not allowed; give NAME, NAME=LOW:HIGH or NAME=SIZE, as thigh*=0.5:2")
     return {name: USUAL if not parts else parts[0] if len(parts) == 1 else _free(name, *parts)}
-
-
-def joined(given: Sequence[Bodies]) -> dict[str, Size]:
-    """Sizes that were given one by one.
-
-    Raises:
-        ValueError: for two of one name.
-    """
-    found: dict[str, Size] = {}
-    for each in given:
-        if twice := [name for name in checked_sizes(each) if name in found]:
-            raise ValueError(f"{FIELD}: {twice[0]!r} is given twice; give each name once")
-        found |= each
-    return found
 
 
 def checked_sizes(given: object) -> dict[str, Size]:
@@ -120,9 +106,7 @@ class Sizes:
             names[0] = ""  # what a robot hangs on is no body of it
         which = [-1] * len(names)
         for number, pattern in enumerate(given):
-            exact = pattern in names
-            found = [n for n, name in enumerate(names) if name == pattern or (not exact and fnmatchcase(name, pattern))]
-            found = [n for n in found if names[n]]
+            found = [n for n in matching(pattern, names) if names[n]]
             if not found:
                 known = ", ".join(filter(None, names))
                 raise ValueError(f"{FIELD}: {pattern!r} is no body; give one of {known}, or a pattern of them")

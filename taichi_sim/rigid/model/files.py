@@ -11,6 +11,7 @@ from taichi_sim.base.plain_xml import parse_xml
 from taichi_sim.rigid.model.assembly import Model, check_start
 from taichi_sim.rigid.model.mjcf import read_mjcf
 from taichi_sim.rigid.model.urdf import read_urdf
+from taichi_sim.rigid.model.urdf_drives import checked_gains
 
 
 class Reading(TypedDict, total=False):
@@ -26,6 +27,9 @@ class Reading(TypedDict, total=False):
         fastest: rate at full command of continuous joints of URDF whose velocity is not given [rad/s], 10 if None. With
             it, torque motors of MJCF hold rates up to it, and velocity drives that of their command. Else they have the
             torque of the file.
+        servos: gains of drives of URDF that are servos, not ideal, by names of joints or patterns of these: stiffness
+            [N m/rad] and damping [N m s/rad], or stiffness alone for critical damping, with what hangs on the hinge at
+            rest. Without limits a joint's servo holds rates by its damping. Actuators of MJCF have gains of their own.
         time_step: of the simulation [s]; None for that of the file, or 2 ms.
     """
 
@@ -34,6 +38,7 @@ class Reading(TypedDict, total=False):
     speed: float | None
     fastest: float | None
     time_step: float | None
+    servos: Mapping[str, tuple[float, ...]]
 
 
 def load_model(path: str | Path, **reading: Unpack[Reading]) -> Model:
@@ -77,6 +82,7 @@ def read_model(
     speed: float | None = None,
     fastest: float | None = None,
     time_step: float | None = None,
+    servos: Mapping[str, tuple[float, ...]] | None = None,
 ) -> Model:
     """Read a robot as :func:`parse_model` does, without its warning of what is ignored."""
     for name, value in (("speed", speed), ("fastest", fastest), ("time_step", time_step)):
@@ -85,10 +91,13 @@ def read_model(
     root = parse_xml(text)
     if root.tag == "mujoco" and fixed:
         raise ValueError("fixed: True is not allowed of MJCF; leave the free joint out of the file")
+    gains = checked_gains(servos or {})
+    if root.tag == "mujoco" and gains:
+        raise ValueError("servos: not allowed of MJCF; give its actuators gains in the file, as kp of position")
     if root.tag == "mujoco":
         return read_mjcf(root, dict(angles or {}), speed, fastest, time_step)
     if root.tag == "robot":
-        return read_urdf(root, dict(angles or {}), fixed, speed, fastest, time_step)
+        return read_urdf(root, dict(angles or {}), fixed, speed, fastest, time_step, gains)
     raise ValueError(f"model: <{root.tag}> is unknown; give a file of <mujoco> (MJCF) or <robot> (URDF)")
 
 

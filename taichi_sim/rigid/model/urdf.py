@@ -28,7 +28,8 @@ from taichi_sim.rigid.model.assembly import (
     tree_of,
 )
 from taichi_sim.rigid.model.shapes import Solid
-from taichi_sim.rigid.model.tree import Hinge, Joint, Motor, Passive, Weld
+from taichi_sim.rigid.model.tree import Hinge, Joint, Passive, Weld
+from taichi_sim.rigid.model.urdf_drives import Drives, Gains
 from taichi_sim.rigid.model.urdf_schema import SIZES, strangers
 from taichi_sim.rigid.model.xml_values import (
     direction,
@@ -45,7 +46,6 @@ from taichi_sim.rigid.tables import Senses
 _ENTRIES = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
 _NO_TURN = 1e-12  # length of a quaternion that turns nowhere
 _HINGED = ("revolute", "continuous")
-_SPEED, _FASTEST = 10.0, 10.0  # 1/s and rad/s, of drives whose own is not given
 _COMPILER = "mujoco/compiler"  # MuJoCo's extension of URDF
 
 
@@ -56,12 +56,13 @@ def read_urdf(
     speed: float | None,
     fastest: float | None,
     time_step: float | None,
+    servos: Mapping[str, Gains],
 ) -> Model:
     """Read the robot of a URDF file.
 
-    Revolute joints get position drives, continuous joints velocity drives; effort limits the torque. The
-    time step and the friction, of which URDF says nothing, are MuJoCo's defaults. A robot is raised out of the ground,
-    as far as the ground could move it.
+    Revolute joints get position drives, continuous joints velocity drives; effort limits the torque. Those of
+    ``servos`` have the torque of their gains, others hold rates. The time step and the friction, of which URDF says
+    nothing, are MuJoCo's defaults. A robot is raised out of the ground, as far as the ground could move it.
 
     Raises:
         ValueError: for entries that are not allowed.
@@ -71,19 +72,18 @@ def read_urdf(
     links = {link.get("name", ""): link for link in root.findall("link")}
     joints = root.findall("joint")
     base = base_of(links, joints)
-    unknown = set(angles) - {joint.get("name", "") for joint in joints if joint.get("type") in _HINGED}
-    if unknown:
-        raise ValueError(f"angles: there is no hinge {sorted(unknown)[0]!r}")
     world = USUAL if time_step is None else replace(USUAL, time_step=float(time_step))
-    speed = min(speed or _SPEED, 1 / world.time_step)  # a drive makes up for at most all of what lacks in a step
-    fastest = fastest or _FASTEST
+    hinged = [joint for joint in joints if joint.get("type") in _HINGED]
+    if unknown := set(angles) - {joint.get("name", "") for joint in hinged}:
+        raise ValueError(f"angles: there is no hinge {sorted(unknown)[0]!r}")
+    drives = Drives.of(hinged, speed, fastest, servos, world.time_step)
     fixed = fixed or (base == "world" and single(links["world"], "inertial") is None)  # so ROS fixes robots
     places = {base: Frame(np.zeros(3), np.eye(3))}
     balanced = any(keyword(each, "balanceinertia", "false", "true") == "true" for each in root.iterfind(_COMPILER))
     parts, commands = [_part(links[base], None, places[base], balanced, fixed)], list[str]()
     for joint in outwards(joints, base):
         child = link_of(joint, "child")
-        places[child], hung = _hang(joint, places[link_of(joint, "parent")], angles, speed, fastest, len(commands))
+        places[child], hung = _hang(joint, places[link_of(joint, "parent")], angles, drives, len(commands))
         if isinstance(hung, Hinge) and hung.motor is not None:
             commands.append(joint.get("name", child))
         parts.append(_part(links[child], hung, places[child], balanced))
@@ -162,7 +162,7 @@ def _origin(element: Element) -> tuple[Floats, Floats]:
 
 
 def _hang(
-    joint: Element, carrier: Frame, angles: dict[str, float], speed: float, fastest: float, command: int
+    joint: Element, carrier: Frame, angles: dict[str, float], drives: Drives, command: int
 ) -> tuple[Frame, Joint]:
     """Read a joint at the place of its parent: the place of its child, and the joint itself."""
     kind, place = joint.get("type", ""), carrier.then(*_origin(joint))
@@ -181,7 +181,7 @@ def _hang(
     if single(joint, "mimic") is not None:
         raise ValueError(f"{named(joint)}: mimic is not allowed; give a joint of its own")
     stops = None if span is None else (span[0] - start, span[1] - start)
-    motor = _motor(joint, stops, speed, fastest)
+    motor = drives.drive(joint, stops)
     dynamics = single(joint, "dynamics")
     damping, friction = (
         0.0 if dynamics is None else not_negative(joint, name, number(dynamics, name, "0"))
@@ -199,22 +199,6 @@ def _check_range(joint: Element, span: tuple[float, float], start: float) -> Non
         )
     if not low <= start <= high:
         raise ValueError(f"angles: {start:g} of {named(joint)} is not allowed; give a number from {low:g} to {high:g}")
-
-
-def _motor(joint: Element, stops: tuple[float, float] | None, speed: float, fastest: float) -> Motor | None:
-    """Read the drive of a joint; None without effort.
-
-    Where the velocity is 0, a revolute joint has no largest rate, and a continuous one is told rates up to ``fastest``.
-    """
-    limit = single(joint, "limit")
-    if limit is None:
-        return None
-    effort, rate = (not_negative(joint, name, number(limit, name, "0")) for name in ("effort", "velocity"))
-    if effort == 0:  # no force: files of joints that nothing drives say so, and other readers make no drive of it
-        return None
-    if stops is None:
-        return Motor.velocity(rate or fastest, effort)
-    return Motor.position(*stops, speed, effort, rate or None)
 
 
 def _range(joint: Element) -> tuple[float, float]:

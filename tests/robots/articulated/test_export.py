@@ -9,6 +9,7 @@ from articulated_files import CART, CRAWLER
 
 from robots.articulated import ArticulatedRobot, DriveReflexes, simulate
 from robots.articulated.export import command_table
+from robots.articulated.loading import robot_of_record
 from robots.free import Free
 
 pytestmark = pytest.mark.filterwarnings("ignore:model. ignored")
@@ -58,6 +59,27 @@ def test_a_urdf_robot_leaves_as_mjcf_too(tmp_path):
     mujoco = pytest.importorskip("mujoco")
     theirs = mujoco.MjModel.from_xml_path(str(tmp_path / "cart.mjcf"))
     assert (theirs.nu, theirs.nq) == (len(robot.drives), 7 + len(tree.hinges))
+
+
+@pytest.mark.kernels
+def test_servos_of_a_urdf_robot_leave_as_they_are(morpholab, tmp_path):
+    (tmp_path / "cart.urdf").write_text(CART)
+    search = "--duration 0.1 --method random --climbers 2 --generations 0 --terrain flat --quiet"
+    code, _, error = morpholab(f"codesign --robot cart.urdf --servos axle=0,0.3 {search} --out run")
+    assert code == 0, error
+    code, out, error = morpholab("export run --model cart.mjcf")
+    assert code == 0 and "drives hold rates" not in out + error
+    (motor,) = (hinge.motor for hinge in ArticulatedRobot((tmp_path / "cart.mjcf").read_text()).tree.hinges)
+    assert (motor.by_rate, motor.torque) == (0.3, 2.0)
+    record = json.loads(json.dumps(ArticulatedRobot(CART, servos={"axle": (0.0, 0.3)}).describe()))
+    assert record["servos"] == {"axle": [0.0, 0.3]} and robot_of_record(record).servos == {"axle": (0.0, 0.3)}
+    for line, message in (
+        ("--servos axle=0,0.3 --servos axle=1", "servos: 'axle' is given twice; give each name once"),
+        ("--servos stiff", "servos: 'stiff' is not allowed; give NAME=STIFFNESS,DAMPING or NAME=STIFFNESS"),
+        ("--servos 40", "cart.urdf: servos of axle: it turns without end; give a damping above 0"),
+    ):
+        code, _, error = morpholab(f"simulate --robot cart.urdf {line}")
+        assert code == 2 and message in error, error
 
 
 def test_how_a_robot_starts_and_what_was_given_beside_its_file_is_told(tmp_path):
