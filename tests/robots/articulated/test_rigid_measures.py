@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from articulated_files import CRAWLER
+from crawlers import some_points
 
 from morpholab import OwnMeasure
 from optim.problems.robot import RobotProblem
@@ -41,11 +42,6 @@ OWN = OwnMeasure("way", "m", law=way), OwnMeasure("pose", law=pose)
 def crawler(**settings):
     given = {"duration": 0.2, "friction": math.inf, "heading": 20.0, "own_measures": OWN, **settings}
     return ArticulatedRobot(CRAWLER, **given)
-
-
-def some_points(robot, count, seed):
-    low, high = np.array([(p.low, p.high) for p in robot.parameters]).T
-    return low + (high - low) * np.random.default_rng(seed).uniform(0.2, 0.8, (count, len(low)))
 
 
 @pytest.mark.kernels
