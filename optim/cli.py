@@ -41,7 +41,7 @@ from optim.interrupts import EndedBySignals, stopped_by
 from optim.notes import notes, plain, say
 from taichi_sim.base.checks import nearest
 from taichi_sim.base.disk_faults import unwritten
-from taichi_sim.base.foreign import OWN_PACKAGES, blame, blame_package, lacks_memory
+from taichi_sim.base.foreign import OWN_PACKAGES, blame, blame_package, failure_of, lacks_memory
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
@@ -185,8 +185,8 @@ def main(arguments: Sequence[str | os.PathLike[str]] | None = None) -> int:
         text = json.dumps(report.document, allow_nan=False) if args.json else plain(report.text)
     except KeyboardInterrupt as interrupt:
         return _fail(args.command, "interrupted", stopped_by(interrupt))
-    except Exception as error:
-        return _refuse(args.command, error)
+    except (Exception, SystemExit) as raised:
+        return _refuse(args.command, failure_of(raised))
     code = _print(args.command, text, int(report.code))
     return code if report.error is None else _refuse(args.command, report.error)
 

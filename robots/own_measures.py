@@ -101,7 +101,7 @@ class OwnMeasure(Measure):
         try:
             with np.errstate(all="ignore"), self._modules_beside():  # errors of robots that diverged
                 found = self.law(motion)
-        except Exception as error:  # whatever a user's law may raise
+        except (Exception, SystemExit) as error:  # whatever a user's law may raise
             has = f"; it has {', '.join(_members(motion))}" if getattr(error, "obj", None) is motion else ""
             raise ValueError(f"own_measures: {self.name} fails: {type(error).__name__}: {error}{has}") from error
         plain = np.asarray(value_of(found))

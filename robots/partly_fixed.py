@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from robots.delegation import delegating
 from robots.kind import OWN_MEASURES_FIELD
-from robots.robot import Outcome, Parameter, Robot, RobotKind, Trial, World
+from robots.robot import Facts, Outcome, Parameter, Robot, RobotKind, Trial, World
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import nearest, number, table
 from taichi_sim.base.names import matching
@@ -170,6 +170,12 @@ class PartlyFixed(Robot):
     def design(self, point: ArrayLike) -> Robot:
         """The robot of one point, with nothing free."""
         return self.robot.design(self._completed_one(point))
+
+    def facts(self) -> Facts:
+        """Rows for a report: those of the robot, and what is held of it."""
+        told = [f"{name} = {value:.4g}" for name, value in self.held.items()]
+        more = f", ... ({len(told)})" if len(told) > MOST_TOLD else ""
+        return [*self.robot.facts(), ("Held", ", ".join(told[:MOST_TOLD]) + more)]
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on: the robot, and the values that are held."""

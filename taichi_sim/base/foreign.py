@@ -116,7 +116,7 @@ def _lies_in(folder: Path, name: str) -> bool:
 def blamed(file: str, run_as: str) -> Iterator[None]:
     """Run functions of a user's file inside; an exception that comes from it passes, with a note of file and line.
 
-    The note survives workers, which pass exceptions on; :func:`blame` finds it.
+    The note survives workers, which pass exceptions on; :func:`blame` finds it. An exit becomes a RuntimeError.
 
     Args:
         file: its name, for people.
@@ -124,11 +124,21 @@ def blamed(file: str, run_as: str) -> Iterator[None]:
     """
     try:
         yield
-    except Exception as error:
+    except (Exception, SystemExit) as raised:
+        error = failure_of(raised)
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == run_as]
         if lines and not lacks_memory(error) and not blame(error):
             error.add_note(f"{BLAMED}{_place_and_message(error, file, lines[-1])}")
+        if error is not raised:
+            raise error from None
         raise
+
+
+def failure_of(raised: Exception | SystemExit) -> Exception:
+    """What was raised, as a failure: an exit that a user's function asks for does not end the program that calls it."""
+    if isinstance(raised, Exception):
+        return raised
+    return RuntimeError(f"SystemExit: {raised.code}").with_traceback(raised.__traceback__)
 
 
 @contextlib.contextmanager

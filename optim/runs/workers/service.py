@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from optim.problem import Evaluation, Problem, Request, evaluate_request
+from taichi_sim.base.foreign import failure_of
 
 # Variables from which NumPy's linear algebra and other libraries read their number of threads when they are loaded.
 THREAD_VARIABLES = (
@@ -79,8 +80,8 @@ class Service:
         """Evaluate a request; return the evaluation, or the exception."""
         try:
             return evaluate_request(self._problem, request)
-        except Exception as error:
-            return Raised(portable(error))
+        except (Exception, SystemExit) as raised:
+            return Raised(portable(failure_of(raised)))
 
 
 def portable(error: Exception) -> Exception:

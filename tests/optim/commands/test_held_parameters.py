@@ -120,6 +120,8 @@ def test_a_search_goes_on_from_the_body_of_another_one(crawler, morpholab):
         "hill:2"
     ]
     assert "front_size" not in problem.space.names and "frequency" in problem.space.names
+    assert morpholab("report gait --no-player --quiet --out page.html")[0] == 0
+    assert f"front_size = {size:.4g}" in (crawler / "page.html").read_text()
     for more in ("", "--robot run --hold '*_size'", "--robot run", BODY):  # as much as is said again of the robot
         code, _, error = morpholab(f"codesign --resume {more} --generations 2 --quiet --out gait")
         assert code == 0, error

@@ -217,6 +217,16 @@ def test_wrong_files_are_one_line_and_leave_no_folder(tmp_path, morpholab, sourc
     assert code == 2 and message in error and error.count("\n") == 1 and not (tmp_path / "a").exists()
 
 
+@pytest.mark.parametrize("workers", ["", "--workers 2"])
+@pytest.mark.parametrize("asked", ["0", "3", "'no'"])
+def test_an_exit_of_a_users_function_ends_no_search_in_silence(tmp_path, morpholab, asked, workers):
+    text = f"import sys\nbounds = {{'x': (0, 1)}}\n\n\ndef evaluate(points):\n    sys.exit({asked})\n"
+    (tmp_path / "own.py").write_text(text)
+    code, out, error = morpholab(f"codesign --problem own.py --generations 1 --quiet --out a {workers}")
+    told = asked.strip("'")
+    assert (code, out) == (1, "") and f"failed: own.py, line 6: RuntimeError: SystemExit: {told}" in error
+
+
 def test_a_run_of_a_robot_takes_no_file(rocket, morpholab, simulator):
     assert morpholab("codesign --terrain flat --geometry small --climbers 2 --generations 0 --quiet --out a")[0] == 0
     code, _, error = morpholab("codesign --resume --problem rocket.py --out a")

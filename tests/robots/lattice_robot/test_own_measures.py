@@ -1,6 +1,7 @@
 """Measures of a user's own: what their laws see, their gradients beside differences, and what is refused."""
 
 import dataclasses
+import sys
 
 import numpy as np
 import pytest
@@ -146,6 +147,7 @@ def test_moments_begin_with_the_robot_where_it_stands():
         (lambda motion: 1.0, r"gives float64 of shape \(\); give a number for each robot, shape \(1,\)"),
         (lambda motion: motion.ended, r"gives float64 of shape \(1, 3, 3\)"),
         (lambda motion: np.array(["a"]), r"gives <U1 of shape \(1,\)"),
+        (lambda motion: sys.exit(0), "fails: SystemExit: 0$"),
         (lambda motion: motion.nothing, "fails: AttributeError: .* no attribute 'nothing'; it has .*positions"),
     ],
 )
