@@ -135,3 +135,23 @@ def pendulum(text, step, steps):
     for _ in range(steps):
         mujoco.mj_step(pair.theirs, data)
     return (mine.angles[0] if pair.tree.fixed else mine.position[0]), data.qpos[: None if pair.tree.fixed else 3]
+
+
+def coordinates_under(theirs, commands, step, each):
+    """Coordinates in MuJoCo after each of some commands from -1 to 1, shape (C, nq), by steps of a length [s].
+
+    Args:
+        theirs: the model, without contacts from here on.
+        commands: shares of the drives' ranges, shape (C, nu).
+        step: of time [s].
+        each: how long a command lasts [s].
+    """
+    theirs.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    theirs.opt.timestep, data, found = step, mujoco.MjData(theirs), []
+    low, high = theirs.actuator_ctrlrange.T
+    for command in commands:
+        data.ctrl[:] = (low + high) / 2 + command * (high - low) / 2
+        for _ in range(round(each / step)):
+            mujoco.mj_step(theirs, data)
+        found.append(data.qpos.copy())
+    return np.array(found)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from mujoco_motion import coordinates_under
 
 from taichi_sim.rigid import Body, Hinge, Motor, Passive, Physics, RigidEngine, Servo, State, Tree, slots
 from taichi_sim.rigid.model.files import read_model
@@ -250,21 +251,9 @@ def test_robots_of_files_move_as_in_mujoco(drives, limited):
     text = SWINGS.format(drives=DRIVES[drives], limited=limited, friction=0.1 * (drives != "by torque"))
     told = np.random.default_rng(1).uniform(-1, 1, (12, 2))
     theirs = mujoco.MjModel.from_xml_string(text)
-    theirs.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-    low, high = theirs.actuator_ctrlrange.T
-
-    def in_mujoco(step):
-        theirs.opt.timestep, data, found = step, mujoco.MjData(theirs), []
-        for command in told:
-            data.ctrl[:] = (low + high) / 2 + command * (high - low) / 2
-            for _ in range(round(0.1 / step)):
-                mujoco.mj_step(theirs, data)
-            found.append(data.qpos.copy())
-        return np.array(found)
-
     tree = read_model(text).tree
     free = Tree([replace(body, shapes=()) for body in tree.bodies], tree.joints, tree.fixed)
     run = RigidEngine([free], Physics(STEP), threads=1).run(1200, commands=told[None], hold=100, record_every=100)
-    exact, alike = in_mujoco(1e-5), in_mujoco(STEP)
+    exact, alike = (coordinates_under(theirs, told, step, 0.1) for step in (1e-5, STEP))
     assert np.abs(exact).max() > 0.8
     assert np.abs(run.frames.angles[1:, 0] - exact).max() < 1.5 * np.abs(alike - exact).max() + 2e-3

@@ -1,7 +1,9 @@
 """Drives of URDF robots: ideal ones unless they have gains, by which they are servos."""
 
+import mujoco
 import numpy as np
 import pytest
+from mujoco_motion import coordinates_under
 from random_urdf import random_urdf
 
 from taichi_sim.rigid import Motor, Physics, RigidEngine, Servo
@@ -79,30 +81,18 @@ def test_actuators_of_mjcf_have_gains_of_their_own():
 @pytest.mark.parametrize("text", [LEG, *map(random_urdf, range(4))], ids=["leg", *map("random {}".format, range(4))])
 def test_servos_move_as_those_of_the_file_that_is_written_for_mujoco(text):
     """Of a free robot in the air: as near to short steps there as MuJoCo itself is with steps as here."""
-    mujoco = pytest.importorskip("mujoco")
     step, many = 1e-3, 10
     tree = read_model(text, servos={"*": (8.0, 0.4)}).tree
     if not tree.motors:
         pytest.skip("none of its joints turns")
     theirs = mujoco.MjModel.from_xml_string(mjcf_text(tree, Physics(step)))
-    theirs.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     bodies = [theirs.body(hinge.child).id for hinge in tree.hinges]
     angles = theirs.jnt_qposadr[theirs.body_jntadr[bodies]]
-    told, (low, high) = np.random.default_rng(2).uniform(-1, 1, (many, tree.motors)), theirs.actuator_ctrlrange.T
-
-    def in_mujoco(step):
-        theirs.opt.timestep, data, found = step, mujoco.MjData(theirs), []
-        for command in told:
-            data.ctrl[:] = (low + high) / 2 + command * (high - low) / 2
-            for _ in range(round(0.05 / step)):
-                mujoco.mj_step(theirs, data)
-            found.append(data.qpos[angles])
-        return np.array(found)
-
+    told = np.random.default_rng(2).uniform(-1, 1, (many, tree.motors))
     hold = round(0.05 / step)
     engine = RigidEngine([tree], Physics(step), precision="f64", threads=1)
     run = engine.run(many * hold, commands=told[None], hold=hold, record_every=hold)
-    exact, alike = in_mujoco(step / 50), in_mujoco(step)
+    exact, alike = (coordinates_under(theirs, told, each, 0.05)[:, angles] for each in (step / 50, step))
     found = run.frames.angles[1:, 0] + [hinge.rest for hinge in tree.hinges]
     assert np.ptp(exact, axis=0).max() > 0.1
     assert np.abs(found - exact).max() < 1.5 * np.abs(alike - exact).max() + 2e-3
