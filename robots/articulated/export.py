@@ -36,12 +36,12 @@ def save_model(robot: "ArticulatedRobot", point: ArrayLike, path: Path) -> list[
     root = parse_xml(robot.text).tag
     if path.suffix.lower() not in SUFFIXES[root]:
         raise ValueError(f"model: {path} is not allowed; give a file that ends in {' or '.join(SUFFIXES[root])}")
-    _, (sizes,) = robot.split(robot.points(point))
-    tree = robot.sizes.tree_of(sizes)
+    _, (factors,) = robot.split(robot.points(point))
+    tree = robot.variants.tree_of(factors)
     if root == "robot" and path.suffix.lower() == REWRITTEN:
         write_text(path, mjcf_text(tree, robot.physics, robot.drives, robot.name))
         return list(_approximated(tree, robot))
-    write_text(path, resized_text(robot.text, robot.sizes.factors(sizes), **robot.reading))
+    write_text(path, resized_text(robot.text, *robot.variants.of_parts(factors), **robot.reading))
     untold = list(_not_in_the_file(robot))
     if root == "robot":
         base = tree.ordered[0][0].name

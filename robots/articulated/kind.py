@@ -11,7 +11,7 @@ from robots.world import Terrain
 from taichi_sim.base.names import joined
 from taichi_sim.base.options import checked, flag, number, numbers
 
-SEVERAL = ("servos", "body_sizes")  # options that are given one by one
+SEVERAL = ("servos", "body_sizes", "hinge_stiffness")  # options that are given one by one
 SUFFIXES = (".xml", ".mjcf", ".urdf")
 REFLEXES = (
     "what it feels and changes its rhythm by: touch, angles, tilt, velocity, light, clock, acceleration, "
@@ -32,9 +32,15 @@ def _reflexes(text: str) -> Any:
 
 
 def _body_size(text: str) -> Any:
-    from robots.articulated.sizes import size_of_text
+    from robots.articulated.variants import SIZES
 
-    return size_of_text(text)
+    return SIZES.parse(text)
+
+
+def _hinge_stiffness(text: str) -> Any:
+    from robots.articulated.variants import STIFFNESS
+
+    return STIFFNESS.parse(text)
 
 
 def _servo(text: str) -> dict[str, tuple[float, ...]]:
@@ -112,6 +118,15 @@ class ArticulatedKind(RobotKind):
             "size of bodies, in that of the file, by a name or a pattern of names: thigh*=0.5:2 is free between these, "
             "torso=1.2 fixed, thigh* alone free from 0.5 to 2; repeatable (default: 1)",
             checked(_body_size),
+            "NAME=LOW:HIGH",
+            several=True,
+        ),
+        Option(
+            "hinge_stiffness",
+            "stiffness of servos and springs, in that of the file, by the body that a hinge carries or a pattern: "
+            "shank*=0.5:2 is free between these, thigh=1.2 fixed; servos keep their damping ratio; repeatable "
+            "(default: 1)",
+            checked(_hinge_stiffness),
             "NAME=LOW:HIGH",
             several=True,
         ),

@@ -5,7 +5,8 @@ from dataclasses import asdict, fields
 from math import inf
 from typing import TYPE_CHECKING, Any
 
-from robots.articulated.sizes import FIELD, record_of_sizes
+from robots.articulated.factors import record_of as record_of_factors
+from robots.articulated.variants import SCALES
 from robots.own_measures import records_of
 from taichi_sim.base.plain_xml import parse_xml
 
@@ -29,9 +30,10 @@ def record_of(robot: "ArticulatedRobot") -> dict[str, Any]:
     found["own_measures"] = records_of(robot.own_measures)
     if not robot.own_measures:  # as before there were any
         del found["own_measures"]
-    found[FIELD] = record_of_sizes(robot.body_sizes)
-    if not robot.body_sizes:  # as before there were any
-        del found[FIELD]
+    for scale in SCALES:
+        found[scale.field] = record_of_factors(getattr(robot, scale.field))
+        if not found[scale.field]:  # as before there were any
+            del found[scale.field]
     found["servos"] = {name: list(gains) for name, gains in robot.servos.items()}
     if not robot.servos:  # as before there were any
         del found["servos"]

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robots.articulated.factors import Factor
 from robots.articulated.records import USUAL_RATE, record_of
 from robots.articulated.reflexes import PARTS, DriveReflexes, network_of
 from robots.articulated.senses import checked_place
 from robots.articulated.simulation import ArticulatedResult, anatomy_of, felt_over_time, try_points, unsettled
-from robots.articulated.sizes import Size, Sizes, checked_sizes
+from robots.articulated.variants import SCALES, Variants
 from robots.articulated.worlds import GROUND, check_gradients, ground_place
 from robots.outcome import recorded
 from robots.own_measures import OwnMeasure, checked_own_measures
@@ -79,6 +80,8 @@ class ArticulatedRobot(Robot):
         body_sizes: sizes of bodies, by their names or patterns of these such as ``thigh*``: a factor, or one that is
             ``Free``, for all that match; see ``taichi_sim.rigid.model.scaling``.
         servos: gains of drives of URDF that are servos, by names of joints or patterns, see ``files.Reading``.
+        hinge_stiffness: stiffness of servos and springs, by names of the bodies that their hinges carry or patterns of
+            these: a factor, or one that is ``Free``; see ``taichi_sim.rigid.model.stiffening``.
         model: what the file describes; made of the text.
 
     Raises:
@@ -104,8 +107,9 @@ class ArticulatedRobot(Robot):
     slip: float | None = None
     seed: int = 0
     own_measures: tuple[OwnMeasure, ...] = ()
-    body_sizes: Mapping[str, Size] = field(default_factory=dict)
+    body_sizes: Mapping[str, Factor] = field(default_factory=dict)
     servos: Mapping[str, Gains] = field(default_factory=dict)
+    hinge_stiffness: Mapping[str, Factor] = field(default_factory=dict)
     model: Model = field(init=False, repr=False)
 
     kind = "articulated"
@@ -137,8 +141,9 @@ class ArticulatedRobot(Robot):
         object.__setattr__(self, "servos", checked_gains(self.servos))
         model = parse_model(self.text, **self.reading)
         object.__setattr__(self, "model", model)
-        object.__setattr__(self, "body_sizes", checked_sizes(self.body_sizes))
-        _ = self.sizes  # which finds their bodies
+        for scale in SCALES:
+            object.__setattr__(self, scale.field, scale.checked(getattr(self, scale.field)))
+        _ = self.variants  # which finds bodies and hinges
         self._check_command_rate()
         if not self.drives:
             raise ValueError("model: no hinge of it has a drive; give actuators (MJCF) or limits with effort (URDF)")
@@ -182,18 +187,18 @@ class ArticulatedRobot(Robot):
         return self.reflexes is None or self.reflexes.weights is not None
 
     @cached_property
-    def sizes(self) -> Sizes:
-        """Sizes of the bodies; free ones follow all other parameters."""
-        return Sizes.of(self.model.tree, self.body_sizes)
+    def variants(self) -> Variants:
+        """Factors on sizes of bodies and on the stiffness of hinges; free ones follow all other parameters."""
+        return Variants.of(self.model.tree, self.body_sizes, self.hinge_stiffness)
 
     @cached_property
     def tree(self) -> Tree:
-        """The robot itself, with free sizes as they start; ``model.tree`` is that of the file."""
-        return self.sizes.tree_of(self.sizes.start)
+        """The robot itself, with free factors as they start; ``model.tree`` is that of the file."""
+        return self.variants.tree_of(self.variants.start)
 
     def split(self, points: Floats) -> tuple[Floats, Floats]:
-        """Split points, (N, P), into what commands the drives, and the K free sizes."""
-        count = points.shape[-1] - len(self.sizes.free)
+        """Split points, (N, P), into what commands the drives, and the K free factors of bodies and hinges."""
+        count = points.shape[-1] - len(self.variants.free)
         return points[..., :count], points[..., count:]
 
     @property
@@ -242,11 +247,11 @@ class ArticulatedRobot(Robot):
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Free parameters: a rhythm's frequency and three numbers of each drive, or a network's weights; then sizes."""
+        """Free parameters: a rhythm's frequency and numbers of each drive, or a network's weights; then factors."""
         if self.controller == "network":
             sensors = [*(f"touch {name}" for name in self.senses.touch), *(["light"] if self.light else [])]
             names = [f"{sensor} to {drive}" for sensor in sensors for drive in self.drives]
-            return *(Parameter(name, -1.0, 1.0, step=0.05) for name in names), *self.sizes.parameters
+            return *(Parameter(name, -1.0, 1.0, step=0.05) for name in names), *self.variants.parameters
         ranges = {"amplitude": (0.0, 1.0), "phase": (0.0, 1.0), "offset": (-1.0, 1.0)}
         span = self.quickest - self.slowest
         found = [Parameter("frequency", self.slowest, self.quickest, step=0.1 * span, unit="Hz")]
@@ -257,7 +262,7 @@ class ArticulatedRobot(Robot):
         if self.reflexes is not None and not self.weights_fixed:
             most, count = self.reflexes.limit, network_of(self.reflexes, anatomy_of(self)).weight_count
             found += [Parameter(f"reflex_{n + 1}", -most, most, step=0.1 * most, start=0.0) for n in range(count)]
-        return *found, *self.sizes.parameters
+        return *found, *self.variants.parameters
 
     @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
@@ -352,7 +357,8 @@ class ArticulatedRobot(Robot):
             ("Robot", f"{self.name}: {(masses > 0).sum()} bodies on {len(tree.hinges)} hinges, {masses.sum():.3g} kg"),
             ("Driven", f"{', '.join(self.drives)}, by a {self.controller}"),
             *([("Reflexes", self.reflexes.spoken)] if self.reflexes else []),
-            *([("Bodies", self.sizes.spoken)] if self.body_sizes else []),
+            *([("Bodies", f"sizes {self.variants.sizes.spoken}")] if self.body_sizes else []),
+            *([("Hinges", f"stiffness {self.variants.stiffness.spoken}")] if self.hinge_stiffness else []),
             ("Trial", f"{self.duration:g} s; distance along {self.heading:g}°"),
             ("Time step", f"{1e3 * physics.time_step:g} ms"),
             ("Floor", f"friction {physics.friction:g}{slip}"),
@@ -360,8 +366,8 @@ class ArticulatedRobot(Robot):
 
     def facts_of(self, point: ArrayLike) -> Facts:
         """What a design with free sizes weighs."""
-        _, (sizes,) = self.split(self.points(point))
-        return [("Mass", f"{self.sizes.tree_of(sizes).masses.sum():.3g} kg")] if len(sizes) else []
+        _, (factors,) = self.split(self.points(point))
+        return [("Mass", f"{self.variants.tree_of(factors).masses.sum():.3g} kg")] if self.variants.sizes.free else []
 
     @property
     def footprint(self) -> tuple[float, float]:

@@ -141,8 +141,8 @@ def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> Ar
                 )
                 put = None if loop is None else loop.reader.by_first
                 judge = partial(_measure_values, robot, name, run=tape.result)
-                by_sizes = robot.sizes.slopes(some.sizes, back, judge, put, some.relief)
-                found.append(np.column_stack([given.reshape(len(some.controls), -1), by_sizes]))
+                by_factors = robot.variants.slopes(some.factors, back, judge, put, some.relief)
+                found.append(np.column_stack([given.reshape(len(some.controls), -1), by_factors]))
         else:
             runs.append(some.engine.run(robot.steps, **driven, record_every=trial.record_every))
         done += len(some.controls)
@@ -156,16 +156,16 @@ class _Group:
     """Robots that run together.
 
     Attributes:
-        controls: values of the parameters but for sizes, (B, P - K).
-        sizes: free sizes of bodies, (B, K).
-        trees: of the robots, one for all where no size is free.
+        controls: values of the parameters but for free factors, (B, P - K).
+        factors: free ones of bodies and hinges, (B, K).
+        trees: of the robots, one for all where no factor is free.
         engine: that moves them.
         start: their state at the start; None as their trees have it.
-        relief: uneven ground that they then stand on, if sizes are free.
+        relief: uneven ground that they then stand on, if factors are free.
     """
 
     controls: Floats
-    sizes: Floats
+    factors: Floats
     trees: list[Tree]
     engine: RigidEngine
     start: State | None
@@ -181,16 +181,16 @@ def _groups(
     robot: "ArticulatedRobot", points: Floats, world: World, compute: Compute, at_once: int
 ) -> Iterator[_Group]:
     """The robots of points, (N, P), a number of them at once."""
-    controls, sizes = robot.split(points)
+    controls, factors = robot.split(points)
     engine: tuple[RigidEngine, State | None] | None = None
     for first in range(0, len(points), at_once):
         part = slice(first, first + at_once)
-        trees = [robot.sizes.tree_of(each) for each in sizes[part]] if robot.sizes.free else [robot.tree]
-        if engine is None or robot.sizes.free:
+        trees = [robot.variants.tree_of(each) for each in factors[part]] if robot.variants.free else [robot.tree]
+        if engine is None or robot.variants.free:
             engine = engine_in(robot, world, compute, trees)
-        started = robot.sizes.free and engine[1] is not None  # whose starts on it follow their sizes
+        started = robot.variants.free and engine[1] is not None  # whose starts on it follow their sizes
         relief = relief_under(robot, world) if started else None
-        yield _Group(controls[part], sizes[part], trees, *engine, relief)
+        yield _Group(controls[part], factors[part], trees, *engine, relief)
 
 
 def _each_tree(trees: Sequence[Tree], run: RigidResult) -> list[tuple[Tree, RigidResult]]:
@@ -349,7 +349,7 @@ def centre_slopes(tree: Tree, result: RigidResult, direction: Floats) -> tuple[F
 def _result(
     robot: "ArticulatedRobot", runs: list[RigidResult], trees: list[Tree], gradients: Mapping[str, Floats]
 ) -> ArticulatedResult:
-    several, ends, first = bool(robot.sizes.free), [], 0
+    several, ends, first = bool(robot.variants.free), [], 0
     for run in runs:
         count = len(run.status)
         ends.append((trees[first : first + count] if several else trees[:1], run))

@@ -37,7 +37,7 @@ Given = ArticulatedRobot | FixedRobot | str | Path
 
 
 def robot_of(given: Given | None) -> tuple[ArticulatedRobot, Floats]:
-    """The robot that is given, or that a file means, without free sizes of bodies, and the point of its rhythm, (P,).
+    """The robot that is given, or that a file means, with no free bodies and hinges, and the point of its rhythm, (P,).
 
     Raises:
         ValueError: for anything else, and robots of other kinds.
@@ -46,10 +46,10 @@ def robot_of(given: Given | None) -> tuple[ArticulatedRobot, Floats]:
     robot, point = (found.robot, found.point) if isinstance(found, FixedRobot) else (found, None)
     if not isinstance(robot, ArticulatedRobot):
         raise ValueError(f"robot: {shown(given)} is no articulated robot; give one, or its file, such as ant.xml")
-    controls, sizes = robot.split(robot.start if point is None else point)
-    if len(sizes):
+    controls, factors = robot.split(robot.start if point is None else point)
+    if len(factors):
         with warnings.catch_warnings(action="ignore"):  # what of the file is ignored was told before
-            robot = replace(robot, body_sizes=robot.sizes.settled(sizes))
+            robot = replace(robot, **robot.variants.settled(factors))
     return robot, controls
 
 

@@ -4,8 +4,10 @@ Names, meshes, drives, sensors and comments stay; only numbers that a size chang
 all that the engine has no use for, too.
 """
 
+import math
 import re
 from collections.abc import Sequence
+from dataclasses import astuple
 from typing import Unpack
 from xml.etree import ElementTree
 
@@ -16,34 +18,43 @@ from taichi_sim.base.plain_xml import parse_xml
 from taichi_sim.rigid.model.files import Reading, read_model
 from taichi_sim.rigid.model.mjcf import MjcfReader
 from taichi_sim.rigid.model.mjcf_resizing import MjcfResizing
+from taichi_sim.rigid.model.mjcf_stiffening import stiffen_mjcf
 from taichi_sim.rigid.model.scaling import scaled_tree
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
-from taichi_sim.rigid.model.tree import Hinge, Tree, Weld
+from taichi_sim.rigid.model.stiffening import stiffened_tree
+from taichi_sim.rigid.model.tree import Hinge, Joint, Motor, Passive, Servo, Tree
 from taichi_sim.rigid.model.urdf import link_of
 from taichi_sim.rigid.model.urdf_resizing import resize_urdf
 
 _SAME = 1e-9  # part of the robot's largest length, and of a mass or an inertia, that is rounding
 
 
-def resized_text(text: str, factors: Sequence[float], **reading: Unpack[Reading]) -> str:
-    """Write the text of an MJCF or URDF file anew, with bodies of the sizes that ``scaled_tree`` gives them.
+def resized_text(
+    text: str, factors: Sequence[float], stiffness: Sequence[float] = (), **reading: Unpack[Reading]
+) -> str:
+    """Write the text of a file anew, with bodies of the sizes of ``scaled_tree`` and hinges of ``stiffened_tree``.
 
     The new text is read again: it is refused unless it describes the robot that was simulated.
 
     Args:
         text: content of the file.
         factors: of the bodies in the order of ``tree.ordered``.
+        stiffness: factors of the hinges that carry them, by default 1; URDF tells of no stiffness.
         **reading: how the file is read, as of :func:`parse_model`.
 
     Raises:
         ValueError: for a text that is no such file, or one that cannot hold these bodies.
     """
     tree = read_model(text, **reading).tree
+    root = parse_xml(text)
     wanted = scaled_tree(tree, factors)
+    if stiffness and root.tag == "mujoco":
+        wanted = stiffened_tree(wanted, stiffness)
     if wanted is tree:
         return text
     rise = _origin(wanted) - _origin(tree)
-    sizes = {body.name: float(factor) for (body, _), factor in zip(tree.ordered, factors, strict=True)}
+    names = [body.name for body, _ in tree.ordered]
+    sizes = {name: float(factor) for name, factor in zip(names, factors, strict=True)}
     for weighed in (False, True):
         root, copy = parse_xml(text), parse_xml(text, comments=True)
         elements = [each for each in copy.iter() if isinstance(each.tag, str)]
@@ -52,6 +63,7 @@ def resized_text(text: str, factors: Sequence[float], **reading: Unpack[Reading]
             reader = MjcfReader(root, dict(reading.get("angles") or {}), 1.0, 1.0)
             reader.read()
             MjcfResizing(reader, written, sizes, rise, weighed).resize()
+            stiffen_mjcf(reader, written, dict(zip(names, stiffness, strict=False)))
             bounded = reader.compiler.smallest > 0 or reader.compiler.lightest > 0
         else:
             resize_urdf(root, written, sizes)
@@ -113,7 +125,7 @@ def _check_same(found: Tree, wanted: Tree, placed: bool) -> None:
     names, others = ([body.name for body, _ in tree.ordered] for tree in (found, wanted))
     same = names == others and found.fixed == wanted.fixed
     for name, joint, other in zip(names[1:], *(tree.ordered[1:] for tree in (found, wanted)), strict=False):
-        same = same and type(joint[1]) is type(other[1]) and _drive_of(joint[1]) == _drive_of(other[1])
+        same = same and type(joint[1]) is type(other[1]) and _alike(joint[1], other[1])
         if not same:
             raise ValueError(f"model: the joint of {name} would not be the same in a file of these sizes")
     if not same:
@@ -131,12 +143,22 @@ def _check_same(found: Tree, wanted: Tree, placed: bool) -> None:
             )
 
 
-def _drive_of(joint: Hinge | Weld | None) -> object:
-    """What of a joint has nothing to do with sizes."""
-    if not isinstance(joint, Hinge):
-        return None
-    axis = tuple(float(part) for part in joint.axis)
-    return joint.parent, joint.child, axis, joint.motor, joint.command, joint.stops, joint.rest, joint.passive
+def _alike(joint: Joint | None, other: Joint | None) -> bool:
+    """Whether two joints are the same in what has nothing to do with sizes, but for rounding of their stiffness."""
+    if not isinstance(joint, Hinge) or not isinstance(other, Hinge):
+        return True
+    kept, also = ((tuple(map(float, e.axis)), e.parent, e.child, e.command, e.stops, e.rest) for e in (joint, other))
+    return kept == also and all(_near(*pair) for pair in ((joint.motor, other.motor), (joint.passive, other.passive)))
+
+
+def _near(law: Motor | Servo | Passive | None, other: Motor | Servo | Passive | None) -> bool:
+    """Whether two laws have the same numbers, but for rounding."""
+    if law is None or other is None or type(law) is not type(other):
+        return law is other
+    mine, theirs = astuple(law), astuple(other)
+    return all(
+        a == b or (None not in (a, b) and math.isclose(a, b, rel_tol=_SAME)) for a, b in zip(mine, theirs, strict=True)
+    )
 
 
 def _numbers(tree: Tree, origin: Floats) -> tuple[list[Floats], list[Floats]]:

@@ -11,7 +11,7 @@ from optim.named import robot as robot_named
 from robots.articulated import ArticulatedRobot, DriveReflexes, differentiate, simulate
 from robots.articulated.kind import ArticulatedKind
 from robots.articulated.loading import robot_of_record
-from robots.articulated.sizes import size_of_text
+from robots.articulated.variants import SIZES
 from robots.articulated.worlds import GROUND
 from robots.free import Free
 from robots.own_measures import OwnMeasure
@@ -158,7 +158,7 @@ def test_bodies_of_a_pattern_share_one_parameter():
     robot = crawler(body_sizes={"[fr]*": (0.5, 3.0)})
     (size,) = robot.parameters[-1:]
     assert (size.name, size.low, size.high, size.first) == ("body_size", 0.5, 3.0, 1.0)
-    masses = [body.mass for body in robot.sizes.tree_of(np.array([2.0])).bodies]
+    masses = [body.mass for body in robot.variants.tree_of(np.array([2.0])).bodies]
     assert masses == pytest.approx([1.0, 2.4, 2.4])
     assert crawler(body_sizes={"front*": (1.5, 2)}).parameters[-1].first == 1.75
     for sizes, names in (
@@ -305,11 +305,11 @@ def test_a_point_far_beyond_all_sizes_is_refused():
 
 
 def test_sizes_are_spelled_as_names_and_ranges(tmp_path):
-    assert size_of_text("thigh*=0.5:2") == {"thigh*": Free(0.5, 2.0, 1.0)} == size_of_text("thigh*")
-    assert size_of_text("torso=1.2") == {"torso": 1.2}
+    assert SIZES.parse("thigh*=0.5:2") == {"thigh*": Free(0.5, 2.0, 1.0)} == SIZES.parse("thigh*")
+    assert SIZES.parse("torso=1.2") == {"torso": 1.2}
     for text in ("", "=2", "a=", "a=1:2:3", "a=big"):
         with pytest.raises(ValueError, match=r"^body_sizes: .* is not allowed; give NAME, NAME=LOW:HIGH or NAME=SIZE"):
-            size_of_text(text)
+            SIZES.parse(text)
     path = tmp_path / "crawler.xml"
     path.write_text(CRAWLER)
     built = ArticulatedKind().build(str(path), {"body_sizes": [{"front": 2.0}, {"rear": Free(0.5, 2.0)}]})

@@ -54,7 +54,7 @@ def test_a_urdf_robot_leaves_as_mjcf_too(tmp_path):
     told = robot.save_model(point, tmp_path / "cart.mjcf")
     assert told == ["drives hold rates here; those of the file are servos, which bend under a load"]
     again = ArticulatedRobot((tmp_path / "cart.mjcf").read_text())
-    tree = robot.sizes.tree_of(robot.split(robot.points(point))[1][0])
+    tree = robot.variants.tree_of(robot.split(robot.points(point))[1][0])
     assert again.drives == robot.drives and again.tree.masses.tolist() == pytest.approx(tree.masses.tolist())
     mujoco = pytest.importorskip("mujoco")
     theirs = mujoco.MjModel.from_xml_path(str(tmp_path / "cart.mjcf"))

@@ -1,0 +1,46 @@
+"""Make hinges of a robot stiffer or softer: their servos, at the same damping ratio, and their springs."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from taichi_sim.rigid.model.tree import Hinge, Joint, Servo, Tree
+
+
+def is_stiff(joint: Joint | None) -> bool:
+    """Whether a joint is a hinge with a torque that grows with its angle: that of a position servo, or of a spring."""
+    return isinstance(joint, Hinge) and (joint.passive.stiffness > 0 or _holds_angle(joint))
+
+
+def _holds_angle(hinge: Hinge) -> bool:
+    return isinstance(hinge.motor, Servo) and hinge.motor.by_angle < 0
+
+
+def stiffened_tree(tree: Tree, factors: Sequence[float]) -> Tree:
+    """Multiply the stiffness of hinges' servos and springs by a factor each; the damping of servos grows by its root.
+
+    So servos keep their damping ratio. Their largest torques stay, and so do dampers of hinges, and drives that hold no
+    angle. Where all factors are 1 the tree is returned itself.
+
+    Args:
+        tree: the robot.
+        factors: of the hinges that carry the bodies, in the order of ``tree.ordered``.
+    """
+    if all(factor == 1 for factor in factors):
+        return tree
+    of_body = {body.name: factor for (body, _), factor in zip(tree.ordered, factors, strict=True)}
+    joints = [_stiffened(joint, of_body[joint.child]) if isinstance(joint, Hinge) else joint for joint in tree.joints]
+    return Tree(tree.bodies, joints, tree.fixed)
+
+
+def _stiffened(hinge: Hinge, factor: float) -> Hinge:
+    servo, passive = hinge.motor, replace(hinge.passive, stiffness=factor * hinge.passive.stiffness)
+    if isinstance(servo, Servo) and _holds_angle(hinge):
+        servo = replace(
+            servo,
+            by_command=factor * servo.by_command,
+            by_angle=factor * servo.by_angle,
+            offset=factor * servo.offset,
+            by_rate=math.sqrt(factor) * servo.by_rate,
+        )
+    return replace(hinge, motor=servo, passive=passive)
