@@ -129,7 +129,8 @@ def held_of_run(
     if not patterns:
         free = some_of([parameter.name for parameter in found.parameters], FEW_TOLD)
         raise ValueError(f"hold: nothing of the best design of {history.path}; name {what}, of {free}")
-    return held_at(found.changed(given), best, patterns), worlds
+    kind = KINDS.of(found)
+    return held_at(found.changed(given), best, patterns), tuple(kind.present_world(world) for world in worlds)
 
 
 def points_of(tried: Robot, designs: Designs) -> ArrayLike:

@@ -15,9 +15,10 @@ from optim.problems import kind_of_description, kind_of_run, problem_of_run
 from optim.problems.designer import Design, DesignRequest, designer_of
 from optim.runs.config import GROUND_FILES, check_ground_files, has_run, read_config, run_of_any_seed, settings_of
 from optim.search import METHOD, METHODS, check_objectives, check_settings, default_settings, takes_several
-from robots.robot import RobotKind, find_robot_doing
+from robots.robot import RobotKind
 from robots.tasks import find_task
 from taichi_sim.base.options import flag_of
+from taichi_sim.base.results_folder import BEST_DESIGN
 
 if TYPE_CHECKING:
     from optim.problem import Problem
@@ -200,7 +201,7 @@ def _robot_design(args: argparse.Namespace, known: dict[str, Any] | None, method
         raise ValueError(f"robot: the run in {args.out} is one of {kind.title}; leave --robot out")
     designer = designer_of(kind)
     if named.run is not None and not designer.holds:
-        find_robot_doing(args.robot)  # which refuses a folder
+        raise ValueError(f"robot: {named.run} is a run; {kind.title} goes on from none, give {named.run / BEST_DESIGN}")
     given = {**args.parser.values(args, kind), **options.given_compute(args)}
     best_of = None if named.run is None else history_of(named.run)
     return designer.design(

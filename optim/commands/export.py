@@ -82,8 +82,8 @@ COMMAND = Command(
         path_to(
             "model",
             "FILE",
-            "new: the MJCF or URDF file of a robot of such a file, with bodies of their sizes; .mjcf of a URDF robot "
-            "has its drives and ground, too",
+            "new: the MJCF or URDF file of a robot of such a file, with bodies and hinges of the design; .mjcf of a "
+            "URDF robot has its drives and ground, too",
         ),
         path_to("commands", "FILE", "new: a CSV table of the angles or rates that drives of such a robot are told"),
         count("member", 1, "the Nth design that the search keeps, as in front.json (default: the best design)"),
@@ -185,7 +185,7 @@ def _write_bodies(args: argparse.Namespace, robot: Robot, made: list[Path]) -> t
     if args.model:
         untold = robot.save_model(robot.start, _begun(made, "model", args.model))
         document["model"] = {"path": str(args.model), "untold": untold}
-        lines.extend([f"{args.model}: the robot's file with these bodies", *(f"note: {each}" for each in untold)])
+        lines.extend([f"{args.model}: the robot's file with this design", *(f"note: {each}" for each in untold)])
     if args.commands:
         robot.save_commands(robot.start, _begun(made, "commands", args.commands))
         document["commands"] = str(args.commands)

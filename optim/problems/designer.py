@@ -214,6 +214,8 @@ class Designer:
                 known = dataclasses.replace(known, robot=held_as(robot, known.offered))
         elif lost:
             raise ValueError(f"robot: is missing for the run in {asked.out}; {again}")
+        if "worlds" in settings:
+            settings["worlds"] = self._as_known(settings["worlds"], known.tried_in)
         fields = {each.name for each in dataclasses.fields(known)}
         if "worlds" in settings and "terrain" in fields:  # of version 1.0
             settings["terrain"], *others = settings.pop("worlds")
@@ -223,6 +225,11 @@ class Designer:
             raise ValueError(f"{name}: the run in {asked.out} is one of version 1.0, which knows none; leave it out")
         problem: Problem = dataclasses.replace(known, **settings)
         return problem
+
+    def _as_known(self, worlds: Sequence[World], known: Sequence[World]) -> tuple[World, ...]:
+        """Worlds as a run knows them, whose version may have called them otherwise."""
+        present = self.kind.present_world
+        return tuple(next((k for k in known if present(k) == present(each)), each) for each in worlds)
 
     def _robot_again(self, asked: DesignRequest, own: Mapping[str, Any]) -> Robot:
         """The robot that is given for a run that continues, whatever is held of it."""
@@ -278,7 +285,8 @@ class VehicleDesigner(Designer):
 
         settings = asked.chosen(COMPUTE)
         texts = asked.given.get("objective", [])
-        named = asked.known is None and ("hold" in asked.given or any(text not in VEHICLE_WORDS for text in texts))
+        other = asked.best_of is not None or "hold" in asked.given or any(text not in VEHICLE_WORDS for text in texts)
+        named = asked.known is None and other
         if named or self.kind.chosen_worlds(asked.given) or hasattr(asked.known, "worlds"):
             given = {**asked.given, **({"objective": [VEHICLE_WORDS.get(t, t) for t in texts]} if texts else {})}
             return super().design(dataclasses.replace(asked, given=given))  # by each environment's own measures

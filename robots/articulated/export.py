@@ -1,4 +1,4 @@
-"""Exports of an articulated robot: its file with bodies of their sizes, and the commands of its drives."""
+"""Exports of an articulated robot: its file with bodies and hinges of a design, and the commands of its drives."""
 
 import csv
 import io
@@ -26,7 +26,7 @@ REWRITTEN = ".mjcf"  # of URDF robots: a file with all that URDF does not tell
 
 
 def save_model(robot: "ArticulatedRobot", point: ArrayLike, path: Path) -> list[str]:
-    """Write the file of a robot with bodies of the sizes of a design; return what it does not tell of it.
+    """Write the file of a robot with bodies and hinges of a design; return what it does not tell of it.
 
     A URDF robot's is URDF, or MJCF that says all, by the path's suffix.
 
@@ -76,6 +76,8 @@ def _not_in_the_file(robot: "ArticulatedRobot") -> Iterator[str]:
     plain = read_model(robot.text, **as_it_is)
     if robot.tree.fixed and not plain.tree.fixed:
         yield "the base is fixed to the world, which the file does not tell"
+    if robot.servos:
+        yield "drives are servos with gains, which URDF does not tell"
     if robot.physics.friction != plain.world.friction:
         yield f"the coefficient of friction is {robot.physics.friction:g}, which the file does not tell"
     if robot.physics.time_step != plain.world.time_step:

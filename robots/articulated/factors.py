@@ -8,7 +8,7 @@ from typing import Any
 from robots.free import Free
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.names import matching
+from taichi_sim.base.names import choices_of
 from taichi_sim.base.variables import Variable
 
 BEYOND = 2.0  # times as small or large a point may be, as differences at the bounds need
@@ -26,6 +26,7 @@ class Scale:
     Attributes:
         field: name of the field and the option that gives them.
         noun: what has a factor, for messages.
+        part: the same in a word, for the parameter of all of them.
         word: what a factor is called; parameters end with it.
         least: smallest factor.
         most: largest one.
@@ -33,6 +34,7 @@ class Scale:
 
     field: str
     noun: str
+    part: str
     word: str
     least: float
     most: float
@@ -109,19 +111,7 @@ class Factors:
         Raises:
             ValueError: for names of no part, and two for one part.
         """
-        which = [-1] * len(names)
-        for number, pattern in enumerate(given):
-            found = [n for n in matching(pattern, names) if names[n]]
-            if not found:
-                known = ", ".join(filter(None, names))
-                told = f"give one of {known}, or a pattern of them" if known else "the robot has none"
-                raise ValueError(f"{scale.field}: {pattern!r} is no {scale.noun}; {told}")
-            for n in found:
-                if which[n] >= 0:
-                    both = f"{list(given)[which[n]]!r} and {pattern!r} are both {names[n]}"
-                    raise ValueError(f"{scale.field}: {both}; give each {scale.noun} once")
-                which[n] = number
-        return cls(scale, given, tuple(which))
+        return cls(scale, given, tuple(choices_of(scale.field, scale.noun, names, given)))
 
     @property
     def free(self) -> list[Free]:
@@ -132,7 +122,7 @@ class Factors:
     def parameters(self) -> tuple[Variable, ...]:
         """One for each name or pattern whose factor is free: ``thigh_size`` for ``thigh*``."""
         patterns = [pattern for pattern, factor in self.given.items() if isinstance(factor, Free)]
-        short = [re.sub(r"\[[^]]*\]|[*?]", "", each).strip(" _-.") or "body" for each in patterns]
+        short = [re.sub(r"\[[^]]*\]|[*?]", "", each).strip(" _-.") or self.scale.part for each in patterns]
         names = [name if short.count(name) == 1 else each for name, each in zip(short, patterns, strict=True)]
         return tuple(
             Variable(f"{name}_{self.scale.word}", f.low, f.high, step=STEP * (f.high - f.low), start=f.middle)

@@ -178,6 +178,12 @@ class ArticulatedKind(RobotKind):
             return GROUND
         return on_ground(Terrain.parse(text) if isinstance(text, str) else text)
 
+    def present_world(self, world: World) -> World:
+        """The same ground, level ground by its present name."""
+        from robots.articulated.worlds import FORMER, GROUND
+
+        return GROUND if world == FORMER else world
+
     def world_of(self, record: Any) -> World:
         """Ground by its name, which stays as it is in results of earlier versions."""
         from robots.articulated.worlds import FORMER

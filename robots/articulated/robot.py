@@ -29,7 +29,7 @@ from taichi_sim.base.short_text import counted
 from taichi_sim.rigid import Network, Senses, Tree
 from taichi_sim.rigid.model.assembly import Model
 from taichi_sim.rigid.model.files import Reading, parse_model
-from taichi_sim.rigid.model.urdf_drives import Gains, checked_gains
+from taichi_sim.rigid.model.urdf_drives import Gains, checked_gains, spoken_gains
 
 if TYPE_CHECKING:
     from robots.uncertainty import Perturbation
@@ -284,7 +284,7 @@ class ArticulatedRobot(Robot):
         return ArticulatedDesign(self, point)
 
     def save_model(self, point: ArrayLike, path: Path) -> list[str]:
-        """Write the robot's file with bodies of the sizes of a design; return what it does not tell of them."""
+        """Write the robot's file with bodies and hinges of a design; return what it does not tell of them."""
         from robots.articulated.export import save_model
 
         return save_model(self, point, path)
@@ -358,6 +358,7 @@ class ArticulatedRobot(Robot):
             ("Driven", f"{', '.join(self.drives)}, by a {self.controller}"),
             *([("Reflexes", self.reflexes.spoken)] if self.reflexes else []),
             *([("Bodies", f"sizes {self.variants.sizes.spoken}")] if self.body_sizes else []),
+            *([("Servos", spoken_gains(self.servos))] if self.servos else []),
             *([("Hinges", f"stiffness {self.variants.stiffness.spoken}")] if self.hinge_stiffness else []),
             ("Trial", f"{self.duration:g} s; distance along {self.heading:g}°"),
             ("Time step", f"{1e3 * physics.time_step:g} ms"),

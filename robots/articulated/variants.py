@@ -17,8 +17,8 @@ from taichi_sim.rigid.model.scaling import scaled_tree
 from taichi_sim.rigid.model.stiffening import is_stiff, stiffened_tree
 from taichi_sim.rigid.model.tree import Tree
 
-SIZES = Scale("body_sizes", "body", "size", 0.1, 10.0)
-STIFFNESS = Scale("hinge_stiffness", "hinge with a servo or a spring", "stiffness", 0.01, 100.0)
+SIZES = Scale("body_sizes", "body", "body", "size", 0.1, 10.0)
+STIFFNESS = Scale("hinge_stiffness", "hinge with a servo or a spring", "hinge", "stiffness", 0.01, 100.0)
 SCALES = SIZES, STIFFNESS
 _SHIFT = 1e-5  # part of a factor by which trees are shifted; their numbers are smooth, mostly polynomials of low degree
 

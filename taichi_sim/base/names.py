@@ -13,6 +13,27 @@ def matching(pattern: str, names: Sequence[str]) -> list[int]:
     return [n for n, name in enumerate(names) if name == pattern or (not exact and fnmatchcase(name, pattern))]
 
 
+def choices_of(field: str, noun: str, names: Sequence[str], patterns: Iterable[str]) -> list[int]:
+    """Return which of some patterns each name has, -1 for none; what has an empty name is not to be chosen.
+
+    Raises:
+        ValueError: for a pattern that no name has, and two of one name; it begins with the field.
+    """
+    given, which = list(patterns), [-1] * len(names)
+    for number, pattern in enumerate(given):
+        found = [n for n in matching(pattern, names) if names[n]]
+        if not found:
+            known = ", ".join(filter(None, names))
+            told = f"give one of {known}, or a pattern of them" if known else "the robot has none"
+            raise ValueError(f"{field}: {pattern!r} is no {noun}; {told}")
+        for n in found:
+            if which[n] >= 0:
+                both = f"{given[which[n]]!r} and {pattern!r} are both {names[n]}"
+                raise ValueError(f"{field}: {both}; give each {noun} once")
+            which[n] = number
+    return which
+
+
 def joined(field: str, given: Iterable[Mapping[str, Value]]) -> dict[str, Value]:
     """Values by names or patterns that were given one by one.
 

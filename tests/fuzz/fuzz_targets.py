@@ -73,10 +73,10 @@ def _heights(path: Path) -> object:
 
 
 def _rigid(path: Path) -> object:
-    """A robot, and its file with bodies of another size."""
+    """A robot, and its file with bodies of another size, on hinges of another stiffness."""
     model = load_model(path)
     heavy = [body.mass > 0 for body, _ in model.tree.ordered]
-    return model, resized_text(files.read_text(path), [0.7 if each else 1.0 for each in heavy])
+    return model, resized_text(files.read_text(path), [0.7 if each else 1.0 for each in heavy], [1.7] * len(heavy))
 
 
 def _weights(path: Path) -> object:

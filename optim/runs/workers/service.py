@@ -71,7 +71,7 @@ class Service:
         """Load a pickled problem; return None, or the exception."""
         try:
             self._problem = pickle.loads(content)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             message = f"workers: the problem cannot be loaded in one ({type(error).__name__}: {error})"
             return Raised(RuntimeError(message))
         return None

@@ -5,17 +5,23 @@ from collections.abc import Mapping
 from xml.etree.ElementTree import Element
 
 from taichi_sim.rigid.model.mjcf import MjcfReader
+from taichi_sim.rigid.model.stiffening import holds_angle
+from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.model.xml_values import number, numbers, with_numbers
 
 
-def stiffen_mjcf(reader: MjcfReader, written: Mapping[Element, Element], factors: Mapping[str, float]) -> None:
+def stiffen_mjcf(
+    reader: MjcfReader, written: Mapping[Element, Element], tree: Tree, factors: Mapping[str, float]
+) -> None:
     """Write what ``stiffened_tree`` makes of hinges into the elements of a file.
 
     Args:
         reader: that has read the file.
         written: the element to write for each element that was read.
+        tree: the robot, some of whose drives may be ideal ones, of which nothing is written.
         factors: of the hinges by the names of the bodies that they carry; others stay.
     """
+    servos = {hinge.child for hinge in tree.hinges if holds_angle(hinge)}
     actuators = [each for group in reader.root.iterfind("actuator") for each in group]
     for body, found in reader.bodies_read.items():
         factor = factors.get(found.name, 1.0)
@@ -25,20 +31,20 @@ def stiffen_mjcf(reader: MjcfReader, written: Mapping[Element, Element], factors
         spring = number(reader.defaults.resolved(joint, found.childclass), "stiffness", "0")
         if spring > 0:
             written[joint].set("stiffness", with_numbers([factor * spring]))
-        name = next(name for name, (child, _) in reader.hinges.items() if child == found.name)
-        if name in reader.drives:
+        if found.name in servos:
+            name = next(name for name, (child, _) in reader.hinges.items() if child == found.name)
             command, given = reader.drives[name]
             _write_gains(written[actuators[command]], given, factor)
 
 
 def _write_gains(written: Element, given: Element, factor: float) -> None:
-    """Write the gains of an actuator that holds an angle; ``given`` has those that it acts with."""
+    """Write the gains of a position or general actuator; ``given`` has those that it acts with."""
     damping, ratio = math.sqrt(factor) * number(given, "kv", "0"), number(given, "dampratio", "0")
     if given.tag == "position":
         written.set("kp", with_numbers([factor * number(given, "kp", "1")]))
         if damping:
             written.set("kv", with_numbers([damping]))
-    elif given.tag == "general" and number(given, "by_length", "0") < 0:
+    else:
         gain = [factor * number(given, "kp", "1"), *numbers(given, "gainprm", "0")[1:]]
         bias = [factor * number(given, name, "0") for name in ("constant", "by_length")]
         written.set("gainprm", with_numbers(gain))

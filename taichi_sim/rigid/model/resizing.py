@@ -1,6 +1,6 @@
-"""Write the file of a robot anew with bodies of other sizes, for other simulators and for machines that build it.
+"""Write the file of a robot anew with bodies of other sizes and hinges of other stiffness, for other programs.
 
-Names, meshes, drives, sensors and comments stay; only numbers that a size changes are written, so that the file says
+Names, meshes, drives, sensors and comments stay; only numbers that a factor changes are written, so that the file says
 all that the engine has no use for, too.
 """
 
@@ -63,7 +63,7 @@ def resized_text(
             reader = MjcfReader(root, dict(reading.get("angles") or {}), 1.0, 1.0)
             reader.read()
             MjcfResizing(reader, written, sizes, rise, weighed).resize()
-            stiffen_mjcf(reader, written, dict(zip(names, stiffness, strict=False)))
+            stiffen_mjcf(reader, written, tree, dict(zip(names, stiffness, strict=False)))
             bounded = reader.compiler.smallest > 0 or reader.compiler.lightest > 0
         else:
             resize_urdf(root, written, sizes)
@@ -127,9 +127,9 @@ def _check_same(found: Tree, wanted: Tree, placed: bool) -> None:
     for name, joint, other in zip(names[1:], *(tree.ordered[1:] for tree in (found, wanted)), strict=False):
         same = same and type(joint[1]) is type(other[1]) and _alike(joint[1], other[1])
         if not same:
-            raise ValueError(f"model: the joint of {name} would not be the same in a file of these sizes")
+            raise ValueError(f"model: the joint of {name} would not be the same in such a file")
     if not same:
-        raise ValueError("model: a file of these sizes would have other bodies")
+        raise ValueError("model: such a file would have other bodies")
     lengths, matter = _numbers(wanted, np.zeros(3) if placed else _origin(wanted))
     new_lengths, new_matter = _numbers(found, np.zeros(3) if placed else _origin(found))
     largest = np.abs(np.concatenate([*lengths, [0.0]])).max()
@@ -138,7 +138,7 @@ def _check_same(found: Tree, wanted: Tree, placed: bool) -> None:
         heaviest = np.abs(matter[n]).max(axis=1, keepdims=True)
         if not close or not (np.abs(new_matter[n] - matter[n]) <= _SAME * heaviest).all():
             raise ValueError(
-                f"model: {name} would be another body in a file of these sizes, as with bounds of its compiler; give a "
+                f"model: {name} would be another body in such a file, as with bounds of its compiler; give a "
                 "file without them"
             )
 

@@ -9,10 +9,11 @@ from taichi_sim.rigid.model.tree import Hinge, Joint, Servo, Tree
 
 def is_stiff(joint: Joint | None) -> bool:
     """Whether a joint is a hinge with a torque that grows with its angle: that of a position servo, or of a spring."""
-    return isinstance(joint, Hinge) and (joint.passive.stiffness > 0 or _holds_angle(joint))
+    return isinstance(joint, Hinge) and (joint.passive.stiffness > 0 or holds_angle(joint))
 
 
-def _holds_angle(hinge: Hinge) -> bool:
+def holds_angle(hinge: Hinge) -> bool:
+    """Whether the drive of a hinge is a servo by angle."""
     return isinstance(hinge.motor, Servo) and hinge.motor.by_angle < 0
 
 
@@ -35,7 +36,7 @@ def stiffened_tree(tree: Tree, factors: Sequence[float]) -> Tree:
 
 def _stiffened(hinge: Hinge, factor: float) -> Hinge:
     servo, passive = hinge.motor, replace(hinge.passive, stiffness=factor * hinge.passive.stiffness)
-    if isinstance(servo, Servo) and _holds_angle(hinge):
+    if isinstance(servo, Servo) and holds_angle(hinge):
         servo = replace(
             servo,
             by_command=factor * servo.by_command,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
 from taichi_sim.base import checks
-from taichi_sim.base.names import matching
+from taichi_sim.base.names import choices_of
 from taichi_sim.rigid.model.tree import Motor, Servo
 from taichi_sim.rigid.model.xml_values import not_negative, number, single
 
@@ -33,6 +33,12 @@ def _checked(where: str, gains: object) -> Gains:
         raise ValueError(f"{where}: {gains!r} is not allowed; give a stiffness and a damping, or a stiffness alone")
     stiffness = checks.number(f"{where}: stiffness", values[0], 0.0, unit="N m/rad")
     return (stiffness, *(checks.number(f"{where}: damping", each, 0.0, unit="N m s/rad") for each in values[1:]))
+
+
+def spoken_gains(servos: Mapping[str, Gains]) -> str:
+    """Gains for people, such as ``knee* 40 N m/rad, 1 N m s/rad``."""
+    told = (("critically damped" if len(g) == 1 else f"{g[1]:g} N m s/rad", name, g[0]) for name, g in servos.items())
+    return "; ".join(f"{name} {stiffness:g} N m/rad, {damping}" for damping, name, stiffness in told)
 
 
 @dataclass(frozen=True)
@@ -66,16 +72,9 @@ class Drives:
             ValueError: for a name of no drive, and two for one.
         """
         driven = [joint.get("name", "") for joint in joints if _limits(joint)[0] > 0]
-        found: dict[str, Gains] = {}
-        by: dict[str, str] = {}
-        for pattern, gains in servos.items():
-            names = [driven[n] for n in matching(pattern, driven)]
-            if not names:
-                raise ValueError(f"{FIELD}: {pattern!r} is no drive; give one of {', '.join(driven)}, or a pattern")
-            for name in names:
-                if name in found:
-                    raise ValueError(f"{FIELD}: {by[name]!r} and {pattern!r} are both {name}; give each drive once")
-                found[name], by[name] = gains, pattern
+        which = choices_of(FIELD, "drive", driven, servos)
+        gains = list(servos.values())
+        found = {name: gains[number] for name, number in zip(driven, which, strict=True) if number >= 0}
         return cls(min(speed or _SPEED, 1 / time_step), fastest or _FASTEST, found)
 
     def drive(self, joint: Element, stops: tuple[float, float] | None) -> Motor | Servo | None:

@@ -13,6 +13,7 @@ from optim.runs.config import read_config, settings_of
 from robots.articulated.robot import ArticulatedRobot
 from robots.free import Free
 from robots.partly_fixed import held_at
+from robots.robot import Place
 
 BODY = "--robot crawler.xml --duration 0.3 --body-sizes front=0.5:2"
 OWN = """
@@ -166,6 +167,33 @@ def test_weights_of_a_vehicle_are_held(crawler, morpholab):
     code, _, error = morpholab(f"codesign --robot vehicle --design 162 --hold w1 {FEW} --generations 0 --out a")
     assert code == 0, error
     assert problem_of_run(crawler / "a", read_config(crawler / "a")).space.names == ("w2",)
+    assert morpholab(f"codesign --robot vehicle --design 162 {FEW} --generations 0 --out b")[0] == 0
+    code, _, error = morpholab(f"codesign --robot b {FEW} --generations 0 --out c")
+    assert code == 2 and "hold: nothing of the best design of b; name what shall stay as it is, of w1, w2" in error
+
+
+@pytest.mark.kernels
+def test_gaits_of_the_inflatable_robot_go_on_from_no_run(crawler, morpholab):
+    search = "--terrain flat --geometry small --method random --climbers 1 --generations 0 --quiet"
+    assert morpholab(f"codesign {search} --out a")[0] == 0
+    code, _, error = morpholab(f"codesign --robot a {search} --out b")
+    assert code == 2 and "robot: a is a run; inflatable robot goes on from none, give a/best.json" in error
+
+
+@pytest.mark.kernels
+def test_level_ground_of_earlier_versions_is_that_of_today(crawler, morpholab):
+    """A run that calls it ``ground`` goes on with that name, and one from it begins with today's."""
+    robot = ArticulatedRobot(CRAWLER, duration=0.3, body_sizes={"front": Free(0.5, 2.0)})
+    problem, folder = RobotProblem(robot, [Place("ground"), "hill:5"]), crawler / "run"
+    with open_run(folder, settings_of(problem, "random", {"climbers": 2, "seed": 0}, 0)) as run:
+        run_search(problem, build_method("random", problem.space, {"climbers": 2, "seed": 0}), run, 0)
+    assert read_config(folder)["problem"]["worlds"] == ["ground", "hill:5"]
+    line = "codesign --resume --terrain flat --terrain hill:5 --generations 1 --quiet --out run"
+    code, _, error = morpholab(line)
+    assert code == 0, error
+    assert read_config(folder)["problem"]["worlds"] == ["ground", "hill:5"]
+    assert morpholab(f"codesign --robot run --hold '*_size' {FEW} --generations 0 --out next")[0] == 0
+    assert read_config(crawler / "next")["problem"]["worlds"] == ["flat", "hill:5"]
 
 
 @pytest.mark.kernels

@@ -71,6 +71,10 @@ def test_servos_of_a_urdf_robot_leave_as_they_are(morpholab, tmp_path):
     assert code == 0 and "drives hold rates" not in out + error
     (motor,) = (hinge.motor for hinge in ArticulatedRobot((tmp_path / "cart.mjcf").read_text()).tree.hinges)
     assert (motor.by_rate, motor.torque) == (0.3, 2.0)
+    code, out, error = morpholab("export run --model told.urdf")
+    assert code == 0 and "drives are servos with gains, which URDF does not tell" in out + error
+    robot = ArticulatedRobot(CART, servos={"axle": (0.0, 0.3)})
+    assert dict(robot.facts())["Servos"] == "axle 0 N m/rad, 0.3 N m s/rad"
     record = json.loads(json.dumps(ArticulatedRobot(CART, servos={"axle": (0.0, 0.3)}).describe()))
     assert record["servos"] == {"axle": [0.0, 0.3]} and robot_of_record(record).servos == {"axle": (0.0, 0.3)}
     for line, message in (

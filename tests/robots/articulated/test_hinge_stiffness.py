@@ -63,6 +63,7 @@ def test_free_ones_are_parameters_after_sizes():
     assert [each.name for each in robot.parameters[-3:]] == ["front_size", "front_stiffness", "toe_stiffness"]
     assert [each.low for each in robot.parameters[-3:]] == [0.5, 0.5, 0.25]
     assert robot.start[-3:].tolist() == [1.0, 1.0, 1.0]
+    assert sprung(hinge_stiffness={"*": (0.5, 2)}).parameters[-1].name == "hinge_stiffness"
     told = dict(robot.facts())
     assert told["Hinges"] == "stiffness front 0.5 to 4, rear 0.6, toe 0.25 to 2"
     assert dict(robot.facts_of(robot.start))["Mass"] == "1.7 kg"
@@ -128,6 +129,25 @@ def test_the_file_that_leaves_has_the_gains_of_the_design(text, tmp_path):
     for name, hinge in hinges(robot.variants.tree_of(np.array([2.5, 0.4]))).items():
         assert astuple(again[name].motor or hinge.passive) == pytest.approx(astuple(hinge.motor or hinge.passive))
         assert astuple(again[name].passive) == pytest.approx(astuple(hinge.passive))
+
+
+# Drives that hold no angle here: an ideal one, and one whose bias its type leaves out.
+LOOSE = {
+    "ideal": (SPRUNG.replace('kv="0.4"', "").replace('dampratio="0.7"', ""), {"speed": 10.0}),
+    "without bias": (GENERAL.replace(' biastype="affine"', ""), {}),
+}
+
+
+@pytest.mark.parametrize("name", LOOSE)
+def test_only_the_spring_is_written_where_a_drive_holds_no_angle(name, tmp_path):
+    text, settings = LOOSE[name]
+    sprung = text.replace('joint name="shoulder"', 'joint name="shoulder" stiffness="3"')
+    robot = ArticulatedRobot(sprung, hinge_stiffness={"front": 4.0}, **settings)
+    robot.save_model(robot.start, tmp_path / "own.xml")
+    written = (tmp_path / "own.xml").read_text()
+    assert 'stiffness="12"' in written and "120" not in written
+    again = hinges(ArticulatedRobot(written, **settings).tree)["front"]
+    assert again.motor == hinges(robot.tree)["front"].motor == hinges(robot.model.tree)["front"].motor
 
 
 @pytest.mark.parametrize(

@@ -143,7 +143,7 @@ def test_bounds_of_masses_do_not_grow_so_that_masses_are_told():
     ghost = bounded.replace(
         '<site name="toe"/>', '<site name="toe"/><geom type="sphere" size="0.1" contype="0" conaffinity="0"/>'
     )
-    with pytest.raises(ValueError, match="model: front would be another body in a file of these sizes, as with bounds"):
+    with pytest.raises(ValueError, match="model: front would be another body in such a file, as with bounds"):
         resized_text(ghost, [1.0, 0.5, 1.2])
 
 

@@ -54,7 +54,7 @@ def test_a_joint_without_limits_has_a_servo_by_rate():
 @pytest.mark.parametrize(
     ("servos", "message"),
     [
-        ({"ankle": (40, 1)}, "servos: 'ankle' is no drive; give one of hip, knee, axle, or a pattern"),
+        ({"ankle": (40, 1)}, "servos: 'ankle' is no drive; give one of hip, knee, axle, or a pattern of them"),
         ({"*": (40, 1), "hip": (40, 1)}, "servos: '*' and 'hip' are both hip; give each drive once"),
         ({"axle": (40,)}, "servos of axle: it turns without end; give a damping above 0, as 0,1, by which"),
         ({"hip": (0, 1)}, "servos of hip: a stiffness of 0 is not allowed between limits; give one above 0"),
