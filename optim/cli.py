@@ -51,8 +51,17 @@ BARE_ROBOTS = "source", "sources"  # names of arguments without a flag that name
 LONGEST_SUMMARY = 300  # characters of an unexpected exception in a message
 
 
+class _Told(SystemExit):
+    """What ends a command when a parser has told what was asked, or what is wrong; users' code raises others."""
+
+
 class _Parser(RobotOptions):
     """A parser that says what is wrong in one line, without the usage."""
+
+    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        if message:
+            self._print_message(message, sys.stderr)
+        raise _Told(status)
 
     def error(self, message: str) -> NoReturn:
         self.exit(BAD_INPUT, plain(f"{self.prog}: error: {' '.join(message.split())}") + "\n")
@@ -170,7 +179,7 @@ def main(arguments: Sequence[str | os.PathLike[str]] | None = None) -> int:
         words = sys.argv[1:] if arguments is None else [os.fspath(word) for word in arguments]
         asked = next(iter(words), "")
         args = build_parser("" if asked.startswith("-") else asked).parse_args(words)
-    except SystemExit as stop:  # after help, versions, or a wrong option
+    except _Told as stop:  # after help, versions, or a wrong option
         raise SystemExit(_print("", None, int(stop.code or 0))) from None
     except (OSError, ValueError) as error:
         return _unprinted("", error)
@@ -185,6 +194,8 @@ def main(arguments: Sequence[str | os.PathLike[str]] | None = None) -> int:
         text = json.dumps(report.document, allow_nan=False) if args.json else plain(report.text)
     except KeyboardInterrupt as interrupt:
         return _fail(args.command, "interrupted", stopped_by(interrupt))
+    except _Told:  # of what a file of options says
+        raise
     except (Exception, SystemExit) as raised:
         return _refuse(args.command, failure_of(raised))
     code = _print(args.command, text, int(report.code))

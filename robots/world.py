@@ -242,6 +242,15 @@ class Terrain:
         the end, ``"flat+light:0.5,0.1+ball:0.04,0.12,0"``.
 
         Raises:
+            ValueError: for any other name or slope, and a file of heights that is not there.
+        """
+        return cls.named(text)._with_its_file()
+
+    @classmethod
+    def named(cls, text: str) -> Self:
+        """Return the terrain of a name as :meth:`parse` does, whether or not the file of its heights is there.
+
+        Raises:
             ValueError: for any other name or slope.
         """
         text, things = split_name(text)
@@ -252,18 +261,18 @@ class Terrain:
                 raise ValueError(f"light: {len(lights)} are not allowed; give one")
             places = [checked_place(LIGHT, [number_of(part) for part in each.split(",")]) for each in lights]
             props = tuple(map(Prop.parse, given))
-            return dataclasses.replace(cls.parse(text), light=places[0] if places else None, props=props)
+            return dataclasses.replace(cls.named(text), light=places[0] if places else None, props=props)
         check_single(text)
         hill, ground = _hill_and_ground(text)
         if hill:
-            return dataclasses.replace(cls.parse(hill), ground=ground)._with_its_file()
+            return dataclasses.replace(cls.named(hill), ground=ground)
         kind, _, degrees = text.partition(":")
         if text == "flat":
             return cls()
         if text == "water":
             return cls.water()
         if is_ground(text):
-            return cls(ground=text)._with_its_file()
+            return cls(ground=text)
         try:
             slope = float(degrees if kind == "hill" else "")
         except ValueError:

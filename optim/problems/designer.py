@@ -229,7 +229,7 @@ class Designer:
     def _as_known(self, worlds: Sequence[World], known: Sequence[World]) -> tuple[World, ...]:
         """Worlds as a run knows them, whose version may have called them otherwise."""
         present = self.kind.present_world
-        return tuple(next((k for k in known if present(k) == present(each)), each) for each in worlds)
+        return tuple(next((k for k in known if k != each and present(k) == present(each)), each) for each in worlds)
 
     def _robot_again(self, asked: DesignRequest, own: Mapping[str, Any]) -> Robot:
         """The robot that is given for a run that continues, whatever is held of it."""

@@ -10,6 +10,7 @@ from typing import Any
 from optim.problem import GAIT
 from optim.runs.config import GROUND_FILES, folders_of_seeds, has_run
 from optim.runs.history import History, begun, read_histories
+from robots.partly_fixed import inner_description
 from robots.robot import KINDS
 
 # Settings of a problem on which scores depend; the others may differ between runs that are compared.
@@ -52,12 +53,21 @@ def check_comparable(histories: Sequence[History]) -> None:
             problems = [{**each, GROUND_FILES: told} for each, told in zip(problems, files, strict=True)]
         for name in (*JUDGED, GROUND_FILES):
             values = [json.dumps(problem.get(name)) for problem in problems]
-            if values[0] != values[1]:
+            if values[0] != values[1] and not (name == "worlds" and _are_same_worlds(problems)):
                 raise ValueError(
                     f"run: {first.path} and {other.path} are judged differently ({name} {values[0]} and {values[1]}); "
                     "give runs whose scores mean the same"
                 )
     _warn_of_trials(histories)
+
+
+def _are_same_worlds(problems: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether problems of one kind have the same worlds, which versions may have called otherwise."""
+    kind = KINDS.find(problems[0]["kind"])
+    first, *others = (
+        [kind.present_world(kind.world_of(record)) for record in problem.get("worlds", ())] for problem in problems
+    )
+    return all(other == first for other in others)
 
 
 def best_of_seeds(folder: Path) -> History:
@@ -76,7 +86,7 @@ def _warn_of_trials(histories: Sequence[History]) -> None:
     problems = [history.config["problem"] for history in histories]
     if any(not isinstance(problem.get("robot"), str) for problem in problems):
         return
-    records = [json.loads(problem["robot"]) for problem in problems]
+    records = [inner_description(json.loads(problem["robot"])) for problem in problems]
     found = []
     for name in KINDS.find(problems[0]["kind"]).trial_fields:
         values = [_part_of(record, name) for record in records]

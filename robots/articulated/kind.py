@@ -185,10 +185,10 @@ class ArticulatedKind(RobotKind):
         return GROUND if world == FORMER else world
 
     def world_of(self, record: Any) -> World:
-        """Ground by its name, which stays as it is in results of earlier versions."""
-        from robots.articulated.worlds import FORMER
+        """Ground by its name, which stays as it is in results of earlier versions; runs may keep its file."""
+        from robots.articulated.worlds import FORMER, on_ground
 
-        return FORMER if record == FORMER.name else super().world_of(record)
+        return FORMER if record == FORMER.name else on_ground(Terrain.named(record))
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Files of MuJoCo and of ROS."""

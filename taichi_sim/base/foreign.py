@@ -146,9 +146,12 @@ def blamed_package() -> Iterator[None]:
     """Run what an installed package may have added inside; an exception that comes from it passes, with such a note."""
     try:
         yield
-    except Exception as error:
+    except (Exception, SystemExit) as raised:
+        error = failure_of(raised)
         if told := blame_package(error):
             error.add_note(f"{BLAMED}{told}")
+        if error is not raised:
+            raise error from None
         raise
 
 

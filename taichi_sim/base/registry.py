@@ -122,7 +122,7 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
             )
         try:
             loaded: Thing = entries[0].load()
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             why = " ".join(str(error).split()) or type(error).__name__
             raise ValueError(f"{self.noun}: {name!r} of the package {packages} cannot be imported ({why})") from error
         self._check_type(name, packages, loaded)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from articulated_files import CRAWLER
 
 from optim.pipeline.run import settings_of as pipeline_settings
 from optim.pipeline.task import read_task
@@ -133,6 +134,22 @@ def test_a_generation_on_another_ground_is_not_kept(tmp_path):
     with open_run(tmp_path / "a", config) as folder, refused:
         run_search(problem, method, folder, 3, overwritten)
     assert done == [0] and len((tmp_path / "a/log.jsonl").read_text().splitlines()) == 1
+
+
+@pytest.mark.kernels
+def test_a_run_of_a_robot_of_a_file_needs_its_copy_alone(morpholab, tmp_path):
+    (tmp_path / "crawler.xml").write_text(CRAWLER)
+    robot = f"--robot crawler.xml --duration 0.1 --body-sizes front=0.5:2 --terrain {HILLS}"
+    assert morpholab(f"codesign {robot} --method random --climbers 2 --generations 0 --quiet --out a")[0] == 0
+    (tmp_path / "hills.npy").unlink()
+    held = "codesign --robot a --hold '*_size' --method random --climbers 2 --generations 0 --quiet --out b"
+    for line in (MORE + " --out a", "simulate --robot a", held, "simulate --robot b"):
+        code, _, error = morpholab(line)
+        assert code == 0, (line, error)
+    assert copy_in(Path("b"), "hills.npy").is_file()
+    (tmp_path / KEPT).unlink()
+    code, _, error = morpholab(f"{MORE} --out a")
+    assert code == 2 and GONE.format("a") in error
 
 
 @pytest.mark.kernels

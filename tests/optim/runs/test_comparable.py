@@ -41,6 +41,18 @@ def test_other_bodies_are_no_matter():
         check_comparable([run("a", duration=2.0, model="light"), run("b", duration=2.0, model="heavy")])
 
 
+def test_level_ground_of_earlier_versions_is_that_of_today():
+    check_comparable([run("a"), run("b", worlds="ground")])
+
+
+def test_trials_of_what_is_held_are_told():
+    held = SimpleNamespace(path=Path("b"), config=json.loads(json.dumps(run("b", duration=1.0).config)))
+    inner = json.loads(held.config["problem"]["robot"])
+    held.config["problem"]["robot"] = json.dumps({"robot": inner, "held": {"front_size": 2.0}})
+    with pytest.warns(UserWarning, match=r"^the runs differ in duration \(2.0, 1.0\)"):
+        check_comparable([run("a", duration=2.0), held])
+
+
 def test_other_worlds_are_refused():
     with pytest.raises(ValueError, match=r"^run: a and b are judged differently"):
         check_comparable([run("a"), run("b", worlds="hill:5")])

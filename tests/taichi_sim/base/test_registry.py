@@ -70,6 +70,14 @@ def test_what_cannot_be_imported_is_told_in_one_line(shapes, path):
         shapes.find("drop")
 
 
+@pytest.mark.parametrize("asked", ["0", "'no licence'"])
+def test_an_exit_while_it_is_imported_is_told_like_any_failure(shapes, path, asked):
+    install(path, "broken", GROUP, {"blob": "broken:Blob"}, f"raise SystemExit({asked})")
+    told = asked.strip("'")
+    with pytest.raises(ValueError, match=rf"shape: 'blob' of the package broken cannot be imported \({told}\)"):
+        shapes.find("blob")
+
+
 def test_one_name_of_two_packages_is_refused(shapes, path):
     install(path, "one", GROUP, {"star": "fractions:Fraction"})
     install(path, "two", GROUP, {"star": "decimal:Decimal"})
