@@ -156,9 +156,9 @@ def _near(law: Motor | Servo | Passive | None, other: Motor | Servo | Passive | 
     if law is None or other is None or type(law) is not type(other):
         return law is other
     mine, theirs = astuple(law), astuple(other)
-    return all(
-        a == b or (None not in (a, b) and math.isclose(a, b, rel_tol=_SAME)) for a, b in zip(mine, theirs, strict=True)
-    )
+    little = _SAME * max(abs(number) for number in theirs if number is not None)  # as the torque at rest cancels
+    pairs = zip(mine, theirs, strict=True)
+    return all(a == b or (None not in (a, b) and math.isclose(a, b, rel_tol=_SAME, abs_tol=little)) for a, b in pairs)
 
 
 def _numbers(tree: Tree, origin: Floats) -> tuple[list[Floats], list[Floats]]:
