@@ -28,6 +28,11 @@ assert main("export legs.py --csv gait.csv".split()) == 0
 from optim.cli import main
 assert main("codesign --robot vehicle --generations 3 --quiet --out runs/a".split()) == 0
 """,
+    "gym": """
+import shutil
+import gymnasium
+shutil.copy(gymnasium.__path__[0] + "/envs/mujoco/assets/ant.xml", "ant.xml")
+""",
     "robot-files": """
 import shutil
 import gymnasium
