@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 
 USUAL_CONTROLLERS = 1000
-NAMES_TOLD = 8  # of what a controller has values of
 
 
 COMMAND = Command(
@@ -155,10 +154,10 @@ def _environments(
 
 
 def _lines(robot: Robot, environments: "Environments", found: "BodyMetrics") -> list[str]:
-    from optim.named import some_of
+    from optim.named import FEW_TOLD, some_of
 
     sampled = found.sampled
-    free = some_of([parameter.name for parameter in robot.parameters], NAMES_TOLD)
+    free = some_of([parameter.name for parameter in robot.parameters], FEW_TOLD)
     lines = [f"{robot.name}: {counted(sampled.learnability.of, 'controller')}, each with values of its own of {free}"]
     for world, bounds, share in zip(environments.worlds, environments.success, sampled.each, strict=True):
         lines.append(f"  {world.name}, {' and '.join(b.text for b in bounds)}: {_share(share)}")

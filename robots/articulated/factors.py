@@ -21,7 +21,7 @@ Given = Mapping[str, Factor]
 
 @dataclass(frozen=True)
 class Scale:
-    """What factors are of.
+    """A kind of factor, such as the sizes of bodies: how users name it, and its bounds.
 
     Attributes:
         field: name of the field and the option that gives them.
@@ -92,10 +92,10 @@ def record_of(given: Given) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Factors:
-    """Factors of one scale on the parts of a robot.
+    """Factors of one kind on the parts of a robot, given or free.
 
     Attributes:
-        scale: what they are of.
+        scale: their kind.
         given: factors by names or patterns, see :meth:`Scale.checked`.
         which: number in ``given`` of the factor of each part; -1 for none.
     """
