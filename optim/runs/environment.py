@@ -16,7 +16,7 @@ from taichi_sim.base.compiler import COMPILERS, compiler, installed_version
 EVALUATING = ("morpholab", "numpy", *COMPILERS)  # packages that evaluations depend on
 SEARCHING = ("cmaes", "pymoo")  # packages whose operators some searches use
 LAWS = "laws"  # version of the laws of simulation; morpholab's own version changes at releases only
-PRESENT_LAWS, FIRST_LAWS = "11", "1"  # the first is raised when a law changes results; old folders, with none, have "1"
+PRESENT_LAWS, FIRST_LAWS = "12", "1"  # the first is raised when a law changes results; old folders, with none, have "1"
 CODE = " (code "  # separates the version of a user's package from the checksum of its code
 
 

@@ -368,3 +368,10 @@ class Tree:
         found = [(np.add(self.ordered[n][0].position, centre), radius) for n, centre, radius in self.points()]
         found = found or [(np.array(body.position, float), 0.0) for body in self.bodies]
         return np.array([centre for centre, _ in found]), np.array([radius for _, radius in found])
+
+    @property
+    def reach(self) -> float:
+        """Distance of the base from what is farthest of the robot that may touch the ground, at rest [m]."""
+        centres, radii = self.balls()
+        base = self.ordered[0][0].position
+        return float((np.linalg.norm(centres - np.array(base, float), axis=1) + radii).max())

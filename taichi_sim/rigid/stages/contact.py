@@ -44,6 +44,12 @@ def find_ground(robots: ti.template(), x, y, z, radius):
 
 
 @ti.func
+def at_ground(robots: ti.template(), depth):
+    """Whether a point so deep in the ground touches it, or is a hair above: rounding must not decide who stands."""
+    return depth >= 0.0 - read(robots, slots.HAIR)
+
+
+@ti.func
 def find_contacts(robots: ti.template()):
     """Depths of all points; lists those that touch in any lane, sets touch sensors, returns their number."""
     touching = setting(robots, slots.TOUCHING)
@@ -67,7 +73,7 @@ def find_contacts(robots: ti.template()):
             put(robots, point + slots.AT, spatial.minus_times(at, (nx, ny, nz), radius))
             put(robots, point + slots.NORMAL, (nx, ny, nz, factor))
         write(robots, point + slots.DEEP, depth)
-        touches = depth >= 0.0
+        touches = at_ground(robots, depth)
         for phase in ti.static(range(2)):
             slot = point + slots.IMPULSES + phase
             write(robots, slot, select(touches, read(robots, slot), 0.0))
@@ -203,7 +209,7 @@ def violations(robots: ti.template(), count, phase, late, active):
             entry = read(robots, entry_at(robots, slots.MATRIX, ti.max(n, l), ti.min(n, l)))
             short = short - entry * read(robots, listed_at(robots, l) + slots.IMPULSES + phase)
         pushes = read(robots, point + slots.MEMBER) > 0.5
-        touches = read(robots, point + slots.DEEP) >= 0.0
+        touches = at_ground(robots, read(robots, point + slots.DEEP))
         amount = select(pushes, 0.0 - impulse, select(touches, short, 0.0))
         if ti.static(robots.granular):
             amount = sand.bounded_violation(robots, n, amount, impulse, short)
@@ -224,7 +230,8 @@ def touching(robots: ti.template(), count):
     """Whether a robot touches the ground: 1, or 0."""
     found = 0.0 * read(robots, 0)
     for n in range(count):
-        found = select(read(robots, listed_at(robots, n) + slots.DEEP) >= 0.0, 1.0 + 0.0 * found, found)
+        touches = at_ground(robots, read(robots, listed_at(robots, n) + slots.DEEP))
+        found = select(touches, 1.0 + 0.0 * found, found)
     return found
 
 
