@@ -10,12 +10,13 @@ import numpy as np
 
 from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.results import Costs, Progress, computed_arrays
-from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PAIRED, Experiment, Found, ShapeChange
+from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PAIRED, Experiment, ShapeChange
+from optim.studies.chapter5.found import Found
 from optim.studies.chapter5.gaits import Case, GaitRuns, repeated
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.design import INCHING, ROLLING
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.results_folder import ResultsFolder
+from taichi_sim.base.results_folder import ResultsFolder, load_parts
 
 KIND = "comparison"
 BY_HAND = {"rolling by hand": ROLLING, "inching by hand": INCHING}
@@ -65,25 +66,6 @@ class Player:
                 allowed[elsewhere] = Allowed((2, len(one.best(self.settings.others))), failed=np.nan)
         computed_arrays(self.folder, "speeds", parts, progress, allowed)
 
-    def played(self, found: Mapping[str, Found]) -> Played:
-        """What was played: of the newest generation of which all best designs were, with what there is elsewhere."""
-        copies = self.settings.copies
-        (by_hand,) = self._known("by_hand", len(BY_HAND) * len(PLACES), copies)
-        named = {name: dict(zip(PLACES, by_hand[2 * n :], strict=False)) for n, name in enumerate(BY_HAND)}
-        best = [experiment for experiment, _ in _with_designs(found)]
-        for generation in range(min((len(one.scores) - 1 for one in found.values()), default=-1), -1, -1):
-            again, elsewhere = (
-                {e.name: speeds for e in best for speeds in self._known(_part(what, e, generation), *shape)}
-                for what, shape in (("again", (copies,)), ("elsewhere", (2, "N")))
-            )
-            if again and len(again) == len(best):
-                return Played(named, again, elsewhere, generation)
-        return Played(named)
-
-    def _known(self, name: str, *shape: int | str) -> list[Floats]:
-        check = partial(check_arrays, {"speeds": Allowed(shape, failed=np.nan)})
-        return [arrays["speeds"] for arrays in self.folder.load(name, check)]
-
     def _again(self, experiment: Experiment, found: Found, progress: Progress) -> Floats:
         """Speeds of copies of the best design where it was found; a search also keeps what chance favoured."""
         case = Case(found.designs[found.best(1)[0]], self.settings.terrain(experiment.place))
@@ -105,6 +87,30 @@ class Player:
         with self.costs.of(part):
             robot = GaitRuns(NAMED_GEOMETRIES[self.settings.geometry], **how)
             return robot.speeds(cases, self.threads, progress)
+
+
+def read_played(folder: Path, copies: int, found: Mapping[str, Found]) -> Played:
+    """Read what was played, of the newest generation of which all best designs were, with what there is elsewhere.
+
+    Raises ValueError if the gaits made by hand are missing.
+    """
+
+    def known(name: str, *shape: int | str) -> list[Floats]:
+        check = partial(check_arrays, {"speeds": Allowed(shape, failed=np.nan)})
+        return [arrays["speeds"] for arrays in load_parts(folder, name, check)]
+
+    if not (by_hand := known("by_hand", len(BY_HAND) * len(PLACES), copies)):
+        raise ValueError(f"{folder}: its part by_hand is missing")
+    named = {name: dict(zip(PLACES, by_hand[0][2 * n :], strict=False)) for n, name in enumerate(BY_HAND)}
+    best = [experiment for experiment, _ in _with_designs(found)]
+    for generation in range(min((len(one.scores) - 1 for one in found.values()), default=-1), -1, -1):
+        again, elsewhere = (
+            {e.name: speeds for e in best for speeds in known(_part(what, e, generation), *shape)}
+            for what, shape in (("again", (copies,)), ("elsewhere", (2, "N")))
+        )
+        if again and len(again) == len(best):
+            return Played(named, again, elsewhere, generation)
+    return Played(named)
 
 
 def _with_designs(found: Mapping[str, Found]) -> list[tuple[Experiment, Found]]:

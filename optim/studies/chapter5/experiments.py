@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from optim.experiments.results import Costs, Progress
 from optim.experiments.side_by_side import run_side_by_side
 from optim.experiments.study import Count, Settings, Several, Whole
@@ -19,7 +17,6 @@ from optim.problem import Evaluation, Request, evaluate_request
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs import open_run
 from optim.runs.environment import environment
-from optim.runs.history import read_history, read_result
 from optim.runs.loop import FolderSearch
 from optim.search import HillClimb
 from optim.studies.chapter5.gaits import Uphill
@@ -28,7 +25,6 @@ from robots.inflatable.design import INCHING, ROLLING, InflatableDesign, highest
 from robots.robot import part_of
 from robots.world import Terrain
 from taichi_sim.base import checks
-from taichi_sim.base.arrays import Floats
 
 PARTS = ("orientation", "shape", "control")
 FLAT, HILL = "flat", "hill"
@@ -109,27 +105,6 @@ class ShapeChange(Settings):
         return {"climbers": self.climbers, "seed": self.seed, **started}
 
 
-@dataclass(frozen=True, eq=False)
-class Found:
-    """The designs and scores that an experiment has found so far."""
-
-    # best speeds of the climbers after every generation [body lengths/s], shape (G + 1, C); NaN while all have failed
-    scores: Floats
-    designs: tuple[InflatableDesign, ...]  # the climbers' best, C
-    evaluations: int  # made
-
-    @property
-    def final(self) -> Floats:
-        """Speeds of the best designs of the climbers that have any, shape (at most C,)."""
-        last = self.scores[-1]
-        return last[~np.isnan(last)]
-
-    def best(self, count: int) -> list[int]:
-        """The climbers with the fastest designs, the fastest first; those without any are left out."""
-        order = np.argsort(-np.nan_to_num(self.scores[-1], nan=-np.inf), kind="stable")
-        return [int(climber) for climber in order if not np.isnan(self.scores[-1, climber])][:count]
-
-
 def search(
     settings: ShapeChange,
     folder: Path,
@@ -182,16 +157,3 @@ class _Turns(FolderSearch):
     def done(self) -> bool:
         """Whether all generations are made."""
         return self.turns > self.generations
-
-
-def read(settings: ShapeChange, folder: Path) -> dict[str, Found]:
-    """Read what experiments in a folder have found so far, by name, without those that have no generation yet."""
-    found = {}
-    for experiment in EXPERIMENTS:
-        history, problem = read_history(folder / experiment.name), settings.problem(experiment)
-        if (result := read_result(history, problem)) is None:
-            continue
-        scores = np.array([generation.scores for generation in history.generations], float)
-        designs = tuple(d for d in map(problem.design, result.points) if isinstance(d, InflatableDesign))
-        found[experiment.name] = Found(scores, designs, history.generations[-1].evaluations)
-    return found

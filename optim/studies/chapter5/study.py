@@ -1,20 +1,22 @@
 """Changing shape beside changing control only: searches, gaits made by hand, their table beside the published one."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from optim.experiments.data import Data
 from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.results import Costs, Progress, check_folder, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import MISSING, Record, cell, markdown, page, write_records, write_table
 from optim.measures.statistics import effect, mean_band, welch
 from optim.plots import draw_band
-from optim.studies.chapter5.champions import KIND, PLACES, Played, Player
-from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PARTS, ROWS, Found, ShapeChange, read, search
+from optim.studies.chapter5.champions import KIND, PLACES, Played, Player, read_played
+from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PARTS, ROWS, ShapeChange, search
+from optim.studies.chapter5.found import SPEEDS, Found, read, read_speeds, write_speeds
 from optim.studies.chapter5.gaits import shown, spread
 from robots.robot import part_of
 from taichi_sim.base.arrays import Floats
@@ -234,7 +236,7 @@ def _sentence(test: Mapping[str, Any]) -> str:
 
 
 RUNS = "runs"
-FILES = ("table.md", "table.csv", "curves.png", "curves.csv", "summary.json", RUNS)
+FILES = ("table.md", "table.csv", "curves.png", "curves.csv", "summary.json", SPEEDS, RUNS)
 
 
 def study(folder: Path, settings: ShapeChange, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
@@ -245,17 +247,34 @@ def study(folder: Path, settings: ShapeChange, progress: Progress = None, thread
 
     def write() -> dict[str, Any]:
         found = read(settings, folder / RUNS)
-        summary = summarise(settings, found, player.played(found))
-        summary["seconds"] = costs.total()
-        write_tables(summary, folder)
-        write_json(folder / "summary.json", summary)
-        write_curves(summary, folder / "curves.png")
-        return summary
+        write_speeds(found, folder / SPEEDS)
+        return _report(settings, found, folder / KIND, folder, costs)
 
     player.play_by_hand(part_of(progress, 0, 20))
     search(settings, folder / RUNS, costs, write, threads, part_of(progress, 1, 20, 16))
     player.play_found(read(settings, folder / RUNS), part_of(progress, 17, 20, 3))
     return write()
+
+
+def rewrite(data: Data, folder: Path) -> None:
+    """Write all that the study writes but run folders, from the speeds that it keeps."""
+    settings = Data(data.folder / KIND).kept(KIND, lambda record: ShapeChange(**record))
+    found = read_speeds(data, settings.climbers)
+    made = min((len(one.scores) - 1 for one in found.values()), default=0)
+    _report(replace(settings, generations=made), found, data.folder / KIND, folder)
+
+
+def _report(
+    settings: ShapeChange, found: Mapping[str, Found], played: Path, folder: Path, costs: Costs | None = None
+) -> dict[str, Any]:
+    """Write what follows from what was found, and from what was played in a folder of such results."""
+    summary = summarise(settings, found, read_played(played, settings.copies, found))
+    if costs is not None:
+        summary["seconds"] = costs.total()
+    write_tables(summary, folder)
+    write_json(folder / "summary.json", summary)
+    write_curves(summary, folder / "curves.png")
+    return summary
 
 
 # By terrain: its name, and the fastest gaits made by hand, drawn as levels; rolling would leave the hill's panel.
@@ -313,6 +332,7 @@ STUDY = Study(
         "full": ShapeChange(),  # as published; goes on in a folder of "medium"
     },
     run=study,
+    rewrite=rewrite,
     writes=FILES,
     cost="10 h of two cores for each of 8 rows",
 )

@@ -128,7 +128,6 @@ def test_numbers_of_a_summary_that_are_none_are_told(tmp_path, text, message):
         (["tasks", "--from-data", "none"], "from-data: none is no folder"),
         (["tasks", "--from-data", str(DATA), "--jobs", "2"], "jobs: 2 is not allowed with --from-data"),
         (["tasks", "--from-data", str(DATA), "--budget", "full"], "budget: full is not allowed with --from-data"),
-        (["shape-change", "--from-data", str(DATA)], "from-data: study shape-change is not told from tables; "),
     ],
 )
 def test_bad_input_is_told(tmp_path, monkeypatch, capsys, options, message):

@@ -79,6 +79,8 @@ def test_a_study_of_an_installed_package_is_listed_and_runs(morpholab, tmp_path,
     assert (code, out, error) == (0, "a: hops.txt\n", "")
     assert (tmp_path / "a/hops.txt").read_text() == "hop hop hop "
     assert "budget: 'medium' is unknown" in morpholab("reproduce hops --out b --budget medium")[2]
+    code, _, error = morpholab("reproduce hops --from-data a --out b")
+    assert code == 2 and "from-data: study hops is not told from tables; " in error and not (tmp_path / "b").exists()
     STUDIES._loaded.pop("hops")
 
 

@@ -1,16 +1,19 @@
 """The searches of chapter 5 as a study: what they search, that they go on, and what the table says of them."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
 
+from optim.experiments.data import Data
 from optim.experiments.results import Costs
 from optim.runs.history import read_history
 from optim.studies.catalogue import STUDIES as CATALOGUE
 from optim.studies.chapter5 import study as shape_change
 from optim.studies.chapter5.champions import Played
-from optim.studies.chapter5.experiments import EXPERIMENTS, PAIRED, Found, ShapeChange
+from optim.studies.chapter5.experiments import EXPERIMENTS, PAIRED, ShapeChange
+from optim.studies.chapter5.found import Found
 from optim.studies.chapter5.gaits import Case, GaitRuns, shown, spread
 from optim.studies.chapter5.study import best_on_both, curve, summarise, tests, text_of
 from robots.inflatable import INCHING, ROLLING, SMALL
@@ -111,6 +114,36 @@ def test_experiments_take_turns(simulator, tmp_path):
     reached = [len(read_history(tmp_path / "a/runs" / e.name).generations) for e in EXPERIMENTS]
     assert reached == [2, 2, 1, 1, 1, 1, 1, 1]
     assert "| control | 3 x 0 | 6 |" in (tmp_path / "a/table.md").read_text()  # that of the starts is there
+
+
+@pytest.mark.long
+def test_a_study_is_told_again_from_its_speeds_without_its_run_folders(studied, simulator, tmp_path):
+    folder, summary = studied
+    shutil.rmtree(folder / "runs")
+    (tmp_path / "again").mkdir()
+    simulator.calls.clear()
+    shape_change.rewrite(Data(folder), tmp_path / "again")
+    assert bytes_of(tmp_path / "again") == bytes_of(folder)
+    again = json.loads((tmp_path / "again/summary.json").read_text())
+    assert again == {name: value for name, value in summary.items() if name != "seconds"} and not simulator.calls
+
+
+@pytest.mark.usefixtures("unseen_pictures")
+@pytest.mark.long
+@pytest.mark.parametrize("damage", ["a line less", "another name", "another order"])
+def test_damaged_speeds_are_refused(studied, tmp_path, damage):
+    folder, _ = studied
+    path = folder / "speeds.csv"
+    header, *rows = path.read_text().splitlines()
+    if damage == "a line less":
+        del rows[4]
+    elif damage == "another name":
+        rows = [row.replace("control-hill", "control-hall") for row in rows]
+    else:
+        rows[0], rows[1] = rows[1], rows[0]
+    path.write_text("\n".join([header, *rows]) + "\n")
+    with pytest.raises(ValueError, match=r"speeds\.csv: its rows of .* are not those of 3 climbers by generation"):
+        shape_change.rewrite(Data(folder), tmp_path / "again")
 
 
 @pytest.mark.usefixtures("unseen_pictures")
