@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from optim.problems import kind_of_run, offered_by_run, robot_of_run
 from optim.runs.config import read_config
 from optim.runs.history import History, read_history
-from robots.partly_fixed import held_at
+from robots.partly_fixed import freed, held_at, names_matching
 from robots.robot import KINDS, Robot, RobotKind, World, find_robot_doing, make_robot
 from taichi_sim.base.arrays import copied
 from taichi_sim.base.checks import nearest, shown
@@ -118,7 +118,7 @@ def held_of_run(
     Args:
         history: of the run.
         patterns: names of the parameters, or patterns of names.
-        given: options of the robot that are to be other than in the run.
+        given: options of the robot that are to be other than in the run; what they free starts as in a new run.
         what: is wanted, for the message if there are no patterns.
 
     Raises:
@@ -130,7 +130,10 @@ def held_of_run(
         free = some_of([parameter.name for parameter in found.parameters], FEW_TOLD)
         raise ValueError(f"hold: nothing of the best design of {history.path}; name {what}, of {free}")
     kind = KINDS.of(found)
-    return held_at(found.changed(given), best, patterns), tuple(kind.present_world(world) for world in worlds)
+    robot, names = freed(found, given), names_matching(found, patterns)
+    point = dict(zip((parameter.name for parameter in robot.parameters), robot.start, strict=True))
+    point |= dict(zip((parameter.name for parameter in found.parameters), found.points(best)[0], strict=True))
+    return held_at(robot, list(point.values()), names), tuple(kind.present_world(world) for world in worlds)
 
 
 def points_of(tried: Robot, designs: Designs) -> ArrayLike:

@@ -72,6 +72,7 @@ class Robot(Abilities, ShortText):
     feels = False  # whether it has senses, whose readings :meth:`felt_over_time` gives
     horizons: tuple[int, ...] = ()  # lengths of trials that ``gradient-check`` looks at by default; see ``at_horizon``
     changeable: tuple[str, ...] = ()  # options of its kind that :meth:`changed` takes
+    freeing: tuple[str, ...] = ()  # options that free more parameters, see ``robots.partly_fixed.freed``
 
     @property
     def name(self) -> str:

@@ -12,7 +12,7 @@ from robots.kind import OWN_MEASURES_FIELD
 from robots.robot import Facts, Outcome, Parameter, Robot, RobotKind, Trial, World
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import nearest, number, table
-from taichi_sim.base.names import matching
+from taichi_sim.base.names import joined, matching
 from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
@@ -55,6 +55,25 @@ def names_matching(robot: Robot, patterns: str | Iterable[str]) -> list[str]:
             raise ValueError(f"hold: {pattern} matches none of {told}{nearest(pattern, names)}")
         found |= dict.fromkeys(new)
     return list(found)
+
+
+def freed(robot: Robot, options: Mapping[str, Any]) -> Robot:
+    """Return a robot from a run with other values of its kind's options, some of which free more of it.
+
+    Raises:
+        ValueError: for other options than ``Robot.changed`` takes, and where a parameter would be lost.
+    """
+    if isinstance(robot, PartlyFixed):
+        return PartlyFixed(freed(robot.robot, options), robot.held)
+    free = {name: value for name, value in options.items() if name in robot.freeing}
+    more: Any = robot.changed({name: value for name, value in options.items() if name not in free})
+    if free:
+        several = (name for name in free if isinstance(free[name], list | tuple))
+        more = dataclasses.replace(more, **{**free, **{name: joined(name, free[name]) for name in several}})
+    names = {parameter.name for parameter in more.parameters}
+    if lost := [parameter.name for parameter in robot.parameters if parameter.name not in names]:
+        raise ValueError(f"{' and '.join(free)}: {lost[0]}, which the run searches, is not free; keep it free, too")
+    return more
 
 
 def held_as(robot: Robot, other: Robot) -> Robot:

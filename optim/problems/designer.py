@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from optim.problem import Problem, RelaxableProblem
 from optim.problems.earlier import is_described_by
 from optim.runs.history import History
-from robots.partly_fixed import PartlyFixed, held_as, held_at, inner_description, names_matching
+from robots.partly_fixed import PartlyFixed, freed, held_as, held_at, inner_description, names_matching
 from robots.robot import Option, Robot, RobotKind, World, find_robot_doing, lost_in, make_robot
 from taichi_sim.base.lazy import imported
 from taichi_sim.base.options import count, number
@@ -236,7 +236,7 @@ class Designer:
         from optim.problems import offered_by_run
 
         if asked.best_of is not None:
-            return offered_by_run(asked.best_of)[0].changed(own)
+            return freed(offered_by_run(asked.best_of)[0], own)
         kind = self.kind if asked.source is None else find_robot_doing(asked.source)[0]  # Python sets any kind
         return make_robot(kind, asked.source, own)
 
@@ -325,7 +325,10 @@ def _check_held(asked: DesignRequest, known: Robot) -> None:
         return
     if not isinstance(known, PartlyFixed):
         raise ValueError(f"hold: nothing is held in the run in {asked.out}; leave it out")
-    if (held := sorted(known.held)) != sorted(names_matching(known.robot, patterns)):
+    from optim.problems import offered_by_run
+
+    of = known.robot if asked.best_of is None else offered_by_run(asked.best_of)[0]  # options may have freed more
+    if (held := sorted(known.held)) != sorted(names_matching(of, patterns)):
         raise ValueError(f"hold: the run in {asked.out} holds {', '.join(held)}; leave it out")
 
 

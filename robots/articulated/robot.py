@@ -117,6 +117,7 @@ class ArticulatedRobot(Robot):
     differentiable = True
     horizons = (1, 2, 4)
     changeable = ("duration", "friction", "slip", "time_step")  # how a design is tried, not what it is
+    freeing = ("body_sizes", "hinge_stiffness", "reflexes")
 
     def __post_init__(self) -> None:
         checks.choice("controller", self.controller, get_args(Controller))

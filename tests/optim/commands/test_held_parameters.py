@@ -206,3 +206,24 @@ def test_a_measure_of_ones_own_goes_on_with_what_is_held(crawler, morpholab):
     for more in ("", "--hold '*_size'"):
         code, _, error = morpholab(f"codesign --resume --robot own.py {more} --generations 1 --quiet --out a")
         assert code == 0, error
+
+
+@pytest.mark.kernels
+def test_more_of_a_run_is_free_where_options_say_so_while_its_gait_is_held(crawler, morpholab):
+    assert morpholab(f"codesign --robot crawler.xml --duration 0.3 {FEW} --generations 0 --out gait")[0] == 0
+    line = f"codesign --robot gait --hold '*' --body-sizes front=0.5:2 --hinge-stiffness rear=0.5:4 {FEW}"
+    code, _, error = morpholab(f"{line} --generations 0 --out body")
+    assert code == 0, error
+    assert held_in(crawler / "body") == json.loads((crawler / "gait/best.json").read_text())["values"]
+    problem = problem_of_run(crawler / "body", read_config(crawler / "body"))
+    assert problem.space.names == ("front_size", "rear_stiffness")
+    code, _, error = morpholab(f"{line} --generations 1 --resume --out body")
+    assert code == 0, error
+    again = line.replace("front", "rear").replace("gait", "body").replace("'*'", "rear_stiffness")
+    code, _, error = morpholab(f"{again} --generations 0 --out new")
+    assert code == 2 and ": front_size, which the run searches, is not free; keep it free, too" in error
+    again = again.replace("--hinge", "--body-sizes front=0.5:2 --hinge")
+    code, _, error = morpholab(f"{again} --generations 0 --out new")
+    assert code == 0, error
+    problem = problem_of_run(crawler / "new", read_config(crawler / "new"))
+    assert set(problem.space.names) == {"front_size", "rear_size"}
