@@ -185,12 +185,12 @@ class Gait:
         """Displacements of the middle of the robot [m], or mean speeds [m/s], shape (T, N)."""
         body, engine = laboratory.engine(trials, self.terrain)
         times, place = np.unique(self.at, return_inverse=True)
-        builder, marks = ProgramBuilder(len(trials)), []
+        builder, marks, played = ProgramBuilder(len(trials)), [], laboratory.played(self.design)
         for robot, trial in enumerate(trials):
             drive = laboratory.drive(trial.properties)
-            begin, _, steps = write_gait(builder, robot, self.design, self.terrain, drive, laboratory.geometry)
-            played = np.minimum(np.rint(np.minimum(times / laboratory.time_step, steps)), steps).astype(int)
-            marks.append([begin, *(begin + played)])
+            begin, _, steps = write_gait(builder, robot, played, self.terrain, drive, laboratory.geometry)
+            after = np.minimum(np.rint(np.minimum(times / laboratory.time_step, steps)), steps).astype(int)
+            marks.append([begin, *(begin + after)])
         snapshots = np.array(marks)
         run = engine.run(builder.build(snapshots[:, -1], snapshots))
         extents = half_extents(body, run.strains, run.sizes)

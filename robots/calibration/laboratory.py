@@ -7,6 +7,7 @@ from functools import cached_property
 from robots.calibration.properties import BOUNDS, Properties
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.simulation import touching_as_published
 from robots.world import Terrain, medium_of
 from taichi_sim.base.compute import Compute
@@ -70,6 +71,10 @@ class Laboratory:
     def drive(self, properties: Properties) -> InflatableActuation:
         """Actuation of a robot with the given properties."""
         return properties.drive_of(self.actuation, self.geometry.time_step, self.time_step)
+
+    def played(self, design: InflatableDesign) -> InflatableDesign:
+        """The design whose times, which gaits count in steps of the geometry, last as long in those of simulations."""
+        return replace(design, schedule=design.schedule.in_steps_of(self.time_step / self.geometry.time_step))
 
     def engine(self, trials: Sequence[Replica], terrain: Terrain) -> tuple[LatticeBody, LatticeEngine]:
         """Engine for the robots of some trials, with noise on their starts, and the body of the first.

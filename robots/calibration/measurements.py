@@ -1,5 +1,6 @@
 """Files of measurements: TOML with one table per experiment and units in the names of the columns."""
 
+import json
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -14,7 +15,7 @@ from robots.calibration.experiments import SIDES, Diameter, Drag, Experiment, Ga
 from robots.inflatable.actuation import WEIGHTS
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.design import InflatableDesign
-from robots.inflatable.kind import InflatableKind
+from robots.inflatable.kind import InflatableKind, load_gait
 from robots.inflatable.schedule import MAXIMUM_PRESSURE
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
@@ -216,9 +217,21 @@ def _played(name: str, load_gait: LoadGait, table: _Table) -> InflatableDesign:
     return InflatableDesign(pressure, orientation, design.schedule.cut(*cut))
 
 
-def write_measurements(path: str | os.PathLike[str], geometry: str, experiments: Sequence[Experiment]) -> None:
-    """Write a file that :func:`read_measurements` can read; gaits are referred to by name."""
-    parts = [f'geometry = "{geometry}"']
+def write_measurements(
+    path: str | os.PathLike[str],
+    geometry: str,
+    experiments: Sequence[Experiment],
+    weight: str = WEIGHTS[0],
+    load_gait: LoadGait = load_gait,
+) -> None:
+    """Write a file from which :func:`read_measurements` reads the same; gaits are referred to by name.
+
+    Raises:
+        ValueError: for gaits that are not those of their names, by ``load_gait``, with fewer columns or more repeats,
+            and times of which only some are infinite, which no file says.
+    """
+    parts = [f'geometry = "{choice("geometry", geometry, NAMED_GEOMETRIES)}"']
+    parts[0] += f'\nweight = "{weight}"' if choice("weight", weight, WEIGHTS) != WEIGHTS[0] else ""
     for experiment in experiments:
         if isinstance(experiment, Drag):
             foot = "grips" if experiment.grips else "slides"
@@ -229,9 +242,9 @@ def write_measurements(path: str | os.PathLike[str], geometry: str, experiments:
             kind, value = "diameter", f"{experiment.side}_mm"
         else:
             where = {**KIND.world_values(experiment.terrain), "terrain": f'"{experiment.terrain.name}"'}
-            lines = [f'gait = "{experiment.name}"']
+            lines = [f"gait = {json.dumps(experiment.name)}", *_as_named(experiment, load_gait)]
             lines += [f"{name} = {list(v) if isinstance(v, tuple) else v}" for name, v in where.items()]
-            lines += [_line("time_s", experiment.at)] if np.isfinite(experiment.at).all() else []
+            lines += [_line("time_s", experiment.at)] if _timed(experiment) else []
             kind, value = "gait", "speed_mm_per_s" if experiment.mean_speed else "distance_mm"
         lines.append(_line(value, experiment.values))
         if experiment.deviations is not None:
@@ -239,6 +252,32 @@ def write_measurements(path: str | os.PathLike[str], geometry: str, experiments:
             lines.append(_line(f"{quantity}_sd_{unit}", experiment.deviations))
         parts.append("\n".join([f"[[{kind}]]", *lines]))
     write_text(path, "\n\n".join(parts) + "\n")
+
+
+def _as_named(gait: Gait, load_gait: LoadGait) -> list[str]:
+    """Entries of a table for what a gait has otherwise than the one of its name."""
+    named, design = load_gait(gait.name), gait.design
+    schedule = design.schedule
+    if named.schedule.cut(min(schedule.columns, named.schedule.columns), schedule.repeats) != schedule:
+        raise ValueError(f"experiments: {gait.title} does not play the gait {gait.name}; save it, and name its file")
+    for own in ("materials", "bladders"):
+        if getattr(design, own) is not None:
+            raise ValueError(f"experiments: {own} of {gait.title} are not allowed where a robot is fitted")
+    found = {}
+    if design.pressure != named.pressure:
+        found["pressure_pa"] = number(f"experiments: pressure of {gait.title}", design.pressure, 0.0, unit="Pa")
+    found |= {"orientation_deg": design.orientation} if design.orientation != named.orientation else {}
+    counts = {name: getattr(schedule, name) for name in ("columns", "repeats")}
+    found |= {name: count for name, count in counts.items() if count != getattr(named.schedule, name)}
+    return [f"{name} = {value!r}" for name, value in found.items()]
+
+
+def _timed(gait: Gait) -> bool:
+    """Whether values are at times; else they are for all of the gait."""
+    finite = np.isfinite(gait.at)
+    if finite.any() and not finite.all():
+        raise ValueError(f"experiments: times of {gait.title} are infinite in part; give all, or two experiments")
+    return bool(finite.all())
 
 
 def _line(column: str, values: Floats) -> str:

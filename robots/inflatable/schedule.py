@@ -169,6 +169,12 @@ class GaitSchedule:
         tables = {name: table[..., :columns] for name in names if (table := getattr(self, name)) is not None}
         return replace(self, **tables, repeats=self.repeats if repeats is None else repeats)
 
+    def in_steps_of(self, ratio: float) -> Self:
+        """Return the schedule whose own times, if any, are as long in steps that are ``ratio`` times as long."""
+        given = {name: getattr(self, name) for name in ("motion_steps", "settle_steps")}
+        steps = {name: np.rint(times / ratio).astype(int) for name, times in given.items() if times is not None}
+        return self if ratio == 1 else replace(self, **steps)
+
     def project(self, threshold: float = 0.5) -> Self:
         """Round to an on/off schedule, which is on where the levels are at or above the threshold.
 

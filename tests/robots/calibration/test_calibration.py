@@ -19,6 +19,7 @@ from robots.calibration import (
 from robots.calibration.experiments import LENGTH, WIDTH
 from robots.inflatable import ACTUATION, PUBLISHED, SMALL, InflatableActuation, simulate
 from robots.inflatable.design import InflatableDesign
+from robots.inflatable.program import write_gait
 from robots.inflatable.schedule import GaitSchedule
 from robots.kind import KINDS
 from robots.world import Terrain
@@ -40,6 +41,25 @@ def test_a_stiffer_robot_keeps_its_seconds():
     assert (actuation.hold_steps, actuation.settle_steps) == (2 * ACTUATION.hold_steps, 2 * ACTUATION.settle_steps)
     assert actuation.inflation_rate == pytest.approx(ACTUATION.inflation_rate / 2)
     assert actuation.pressure_ramp == pytest.approx(ACTUATION.pressure_ramp / 2)
+
+
+def test_a_gait_with_times_of_its_own_keeps_its_seconds_at_other_time_steps(monkeypatch):
+    schedule = dataclasses.replace(STEP.schedule, motion_steps=[6000, 900], settle_steps=[1000, 0])
+    gait = Gait(np.array([np.inf]), np.ones(1), dataclasses.replace(STEP, schedule=schedule), "own")
+    trial, lengths = Replica(Properties.of(SMALL)), {}
+
+    def written(*arguments):
+        raise StopIteration(write_gait(*arguments)[2])
+
+    monkeypatch.setattr("robots.calibration.experiments.write_gait", written)
+    for stiffest in (400e3, 800e3):
+        laboratory = Laboratory(SMALL, stiffest=stiffest)
+        monkeypatch.setattr(Laboratory, "engine", lambda *_: (None, None))
+        with pytest.raises(StopIteration) as played:
+            gait.predict([trial], laboratory)
+        lengths[laboratory.time_step] = played.value.value * laboratory.time_step
+    (longer, shorter), (one, other) = lengths, lengths.values()
+    assert shorter < 0.8 * longer and other == pytest.approx(one, abs=3 * longer)
 
 
 # experiments

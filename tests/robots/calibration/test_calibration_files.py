@@ -12,7 +12,8 @@ from robots.calibration import (
     read_measurements,
     write_measurements,
 )
-from robots.inflatable import INCHING
+from robots.inflatable import INCHING, ROLLING
+from robots.inflatable.design import InflatableDesign
 from robots.world import Terrain
 
 
@@ -72,8 +73,9 @@ def test_a_gait_may_be_measured_on_a_known_floor_and_bladders_may_weigh(tmp_path
     (tmp_path / "usual.toml").write_text(GOOD)
     usual = read_measurements(tmp_path / "usual.toml", named)
     assert usual.weight == "published" and usual.experiments[-1].informs[1:3] == ("friction", "low_friction")
-    write_measurements(tmp_path / "b.toml", "small", found.experiments)
-    assert read_measurements(tmp_path / "b.toml", named).experiments[-1].terrain == gait.terrain
+    write_measurements(tmp_path / "b.toml", "small", found.experiments, found.weight, named)
+    again = read_measurements(tmp_path / "b.toml", named)
+    assert again.experiments[-1].terrain == gait.terrain and again.weight == "physical"
 
 
 def test_files_come_back(tmp_path):
@@ -81,6 +83,7 @@ def test_files_come_back(tmp_path):
         dataclasses.replace(drag(grips=False), deviations=np.full(6, 1e-3)),
         Diameter(np.array([1e3, 2e3]), np.array([0.03, 0.04]), "height"),
         Gait(np.array([0.5, 1.0]), np.array([0.01, 0.02]), INCHING, "inching"),
+        Gait(np.array([np.inf]), np.array([0.01]), InflatableDesign(2e3, 10.0, INCHING.schedule.cut(2, 1)), "inching"),
     ]
     write_measurements(tmp_path / "b.toml", "small", experiments)
     for given, read in zip(experiments, read_measurements(tmp_path / "b.toml", named).experiments, strict=True):
@@ -88,6 +91,27 @@ def test_files_come_back(tmp_path):
         for name in ("at", "values", "deviations"):
             a, b = getattr(given, name), getattr(read, name)
             assert (a is None and b is None) or b == pytest.approx(a, rel=1e-5)
+        assert not isinstance(given, Gait) or read.design == given.design
+
+
+@pytest.mark.parametrize(
+    ("gait", "message"),
+    [
+        (
+            Gait(np.array([0.5, np.inf]), np.ones(2), INCHING, "inching"),
+            "times of inching on flat are infinite in part",
+        ),
+        (
+            Gait(np.ones(1), np.ones(1), ROLLING, "inching"),
+            "inching on flat does not play the gait inching; save",
+        ),
+        (Gait(np.ones(1), np.ones(1), ROLLING), "'gait' is neither a known gait"),
+    ],
+)
+def test_gaits_that_no_file_tells_are_refused(gait, message, tmp_path):
+    with pytest.raises(ValueError, match=message):
+        write_measurements(tmp_path / "a.toml", "small", [gait])
+    assert not (tmp_path / "a.toml").exists()
 
 
 BAD = [
