@@ -92,9 +92,13 @@ class RigidGradient:
         found = (self.position * moved).sum(1)
         mine = (self.parameters, self.points, self.places, None, self.portions, self.patches)
         for n, trees in enumerate(zip(lower, upper, strict=True)):
-            for slopes, low, high in zip(mine, *map(self._numbers, trees), strict=True):
+            of_lower, of_upper = map(self._numbers, trees)
+            for slopes, low, high in zip(mine, of_lower, of_upper, strict=True):
                 if slopes is not None:
                     found[n] += (slopes[n] * (high - low)).sum()
+            base, base_after = (np.array(tree.ordered[0][0].position, float) for tree in trees)
+            beyond = moved[n] - (base_after - base)  # what uneven ground adds: all bodies start as much higher
+            found[n] += (self.places[n] * beyond).sum()
         return np.asarray(found, float)
 
     def _numbers(self, tree: Tree) -> tuple[Floats, ...]:

@@ -146,6 +146,29 @@ def test_gradients_by_a_size_agree_with_differences():
     assert found == pytest.approx((high - low)[0] / (2 * step), rel=1e-6)
 
 
+@pytest.mark.parametrize("integration", ["momentum", "velocity"])
+def test_gradients_by_a_size_know_how_high_a_robot_then_stands(integration):
+    """All of its bodies start as much higher; by velocity they have places of their own, and drifted from the base."""
+    aim, radius, step = np.array([[1.0, -0.5, 2.0]]), 0.06, 1e-6
+    ground, physics = rough(height=0.02), Physics(0.005, integration=integration)
+    lower, upper = (walker(radius=radius + x) for x in (-step, step))
+
+    def engine(tree: Tree) -> RigidEngine:
+        return RigidEngine(tree, physics, ground=ground, precision="f64", threads=1)
+
+    robots = [engine(tree) for tree in (lower, walker(), upper)]
+    starts = [each.standing() for each in robots]
+    low, _, high = (
+        each.run(20, commands=swinging(20), hold=10, start=start).position @ aim[0]
+        for each, start in zip(robots, starts, strict=True)
+    )
+    moved = starts[2].position - starts[0].position
+    assert abs(moved[0, 2]) > 0.1 * step  # though the base is where it was in the trees
+    tape = robots[1].record(20, commands=swinging(20), hold=10, start=starts[1])
+    (found,) = tape.pull_back(position=aim).between_trees([lower], [upper], moved)
+    assert found == pytest.approx((high - low)[0], rel=1e-6)
+
+
 def energy(engine: RigidEngine, done) -> float:
     """Kinetic and potential energy of a robot without hinges [J]."""
     body = engine.tree.bodies[0]
