@@ -40,6 +40,7 @@ LONGEST = 3600.0  # s
 MEASURES = (
     Measure("speed", "m/s", "speed along its heading"),
     Measure("distance", "m", "distance along its heading"),
+    Measure("energy", "J", "work of its drives"),
 )
 READING = tuple(Reading.__annotations__)  # settings that say how the file is read
 STEADY = 16  # commands of a cycle at least, with which coupled oscillators are stable
@@ -267,7 +268,7 @@ class ArticulatedRobot(Robot):
 
     @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
-        """Measures of the robot: speed, distance, and users' own measures."""
+        """Measures of the robot: speed, distance, the work of its drives, and users' own measures."""
         return *MEASURES, *self.own_measures
 
     def save(self, point: ArrayLike, path: Path) -> None:
@@ -311,7 +312,12 @@ class ArticulatedRobot(Robot):
         slopes = dict(found.gradients)
         if found.gradient is not None:
             slopes["speed"] = found.gradient / self.lasts
-        measures = {"speed": found.distance / self.lasts, "distance": found.distance, **found.own}
+        measures = {
+            "speed": found.distance / self.lasts,
+            "distance": found.distance,
+            "energy": found.energy,
+            **found.own,
+        }
         frames = recorded(found.runs[0].frames)
         if frames:
             frames["angles"] = frames["angles"] + [hinge.rest for hinge in self.model.tree.hinges]

@@ -40,13 +40,15 @@ class ArticulatedResult(ShortText):
         status: ``"ok"`` or ``"diverged"``, (N,).
         steps: time steps simulated, (N,).
         runs: everything about the rollouts, with frames if asked for; several where N is large.
+        energy: work of all drives, as far as they push the way that they turn, (N,) [J]; NaN of those that diverged.
         own: users' own measures by name, (N,) each; NaN of those that diverged.
-        gradients: derivatives of the distance and of own measures by the parameters, (N, P), where asked for.
+        gradients: derivatives of the distance, the energy and own measures by the parameters, (N, P), where asked for.
         trees: of the robots, N where sizes of bodies are free, else one for all.
     """
 
     distance: Floats
     centre: Floats
+    energy: Floats
     status: NDArray[np.str_]
     steps: Ints
     runs: tuple[RigidResult, ...]
@@ -203,7 +205,9 @@ def _each_tree(trees: Sequence[Tree], run: RigidResult) -> list[tuple[Tree, Rigi
 
 
 def _measure_values(robot: "ArticulatedRobot", name: str, trees: Sequence[Tree], run: RigidResult) -> Floats:
-    """The distance, or a user's own measure, of what robots with some trees came to, (B,)."""
+    """The distance, the energy, or a user's own measure, of what robots with some trees came to, (B,)."""
+    if name == "energy":
+        return run.work  # whatever the trees mean at the end
     own = next((each for each in robot.own_measures if each.name == name), None)
     if own is not None:
         return np.concatenate([own_measure_values(robot, own, end, tree) for tree, end in _each_tree(trees, run)])
@@ -216,7 +220,9 @@ def _centre(tree: Tree, run: RigidResult) -> Floats:
 
 
 def _end_slopes(robot: "ArticulatedRobot", name: str, result: RigidResult, trees: Sequence[Tree]) -> dict[str, Floats]:
-    """Derivatives of a measure by places, orientations and angles at the end."""
+    """Derivatives of a measure by places, orientations and angles at the end, or by the work of drives."""
+    if name == "energy":
+        return {"work": np.ones((len(result.work), 1))}
     found = []
     own = next((each for each in robot.own_measures if each.name == name), None)
     for tree, end in _each_tree(trees, result):
@@ -358,9 +364,10 @@ def _result(
     centre = np.concatenate([_centre(*one) for one in each])
     start = first_centre(trees[0]) if not several else np.concatenate([first_centre(tree) for tree, _ in each])
     distance = along(centre - start, robot.direction)
-    status, steps = (np.concatenate([getattr(run, name) for run in runs]) for name in ("status", "steps"))
+    names = "work", "status", "steps"
+    energy, status, steps = (np.concatenate([getattr(run, name) for run in runs]) for name in names)
     own = {
         one.name: np.concatenate([_measure_values(robot, one.name, *end) for end in ends]) for one in robot.own_measures
     }
     kept = tuple(trees if several else trees[:1])
-    return ArticulatedResult(distance, centre, status, steps, tuple(runs), own, gradients, kept)
+    return ArticulatedResult(distance, centre, energy, status, steps, tuple(runs), own, gradients, kept)

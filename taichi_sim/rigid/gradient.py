@@ -128,6 +128,7 @@ class RigidTape:
         orientation: Floats | None = None,
         readings: Floats | None = None,
         angles: Floats | None = None,
+        work: Floats | None = None,
     ) -> RigidGradient:
         """Derivatives of a cost by what the run was given, from those by what it came to; NaN of diverged robots.
 
@@ -136,13 +137,16 @@ class RigidTape:
             orientation: by its orientation, (B, 4).
             readings: by the sensors' last readings, (B, S); those of touch sensors have none.
             angles: by the hinges' angles at the end, (B, H).
+            work: by the work of all drives, (B, 1).
 
         Raises:
-            ValueError: for other shapes.
+            ValueError: for other shapes, and by the work with the studies' integration, which counts none.
         """
-        batch, places_of = self._run.batch, felt_slots(self._run)
+        batch, places_of = self._run.batch, {**felt_slots(self._run), "work": np.array([slots.WORK])}
+        if work is not None and self._run.world.integration == "velocity":
+            raise ValueError("work: integration 'velocity' counts none; take 'momentum'")
         seeds = np.zeros((int(self._run.plan[slots.SLOTS]), batch))
-        given = {"position": position, "orientation": orientation, "readings": readings, "angles": angles}
+        given = {"position": position, "orientation": orientation, "readings": readings, "angles": angles, "work": work}
         for name, value in given.items():
             places = places_of[name]
             if value is not None:

@@ -162,6 +162,7 @@ class Run:
             velocities=np.ascontiguousarray(bodies[:, slots.MOVING : slots.MOVING + 6].transpose(2, 0, 1)),
             readings=found[plan[slots.READING] : plan[slots.READING] + plan[slots.SENSORS]].T,
             closest=np.sqrt(found[slots.CLOSEST]),
+            work=found[slots.WORK] if self.world.integration == "momentum" else np.full(len(steps), np.nan),
             status=np.where(diverged, "diverged", "ok"),
             steps=steps,
             residual=found[slots.RESIDUAL],

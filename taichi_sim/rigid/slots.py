@@ -25,10 +25,10 @@ TOLERANCE, GRAVITY = range(10, 12)
 # The head of the memory: base position and orientation, the light, its smallest horizontal distance squared so far,
 # steps before divergence (negative: none), the worst unsolved residual; then factor, right-hand side and velocity;
 # strength of friction of points that hold, see ``Physics.slip_strength``; how far impulses may be from their bounds;
-# how high above the ground a point may be that still touches it.
+# how high above the ground a point may be that still touches it; the work of all drives so far.
 POSITION, ORIENTATION, LIGHT, POSE_WIDTH = 0, 3, 7, 7
 CLOSEST, DIVERGED, RESIDUAL = 10, 11, 12
-ROOT, ROOT_RIGHT, SLIP_STRENGTH, IMPULSE_TOLERANCE, HAIR, HEAD = 13, 34, 40, 41, 42, 43
+ROOT, ROOT_RIGHT, SLIP_STRENGTH, IMPULSE_TOLERANCE, HAIR, WORK, HEAD = 13, 34, 40, 41, 42, 43, 44
 
 # Of a body. State: what it carries from step to step (angular, then linear), its own position, its hinge: angle, modes
 # of its row and ways in which its friction lets it turn in each phase (1 or -1; 0 where it holds), rate.

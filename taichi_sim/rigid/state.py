@@ -62,6 +62,8 @@ class RigidResult(ShortText):
         readings: of the sensors, (B, S).
         closest: smallest distance of the base from the light, seen from above, at any step, (B,) [m]; of no meaning
             without lights.
+        work: of all drives, as far as they push the way that they turn, (B,) [J]; NaN with the studies'
+            integration, "velocity".
         status: ``"ok"`` or ``"diverged"``, (B,).
         steps: steps before divergence, else all, (B,).
         residual: largest violation of the conditions of contacts that a step was left with, 0 where all were solved
@@ -75,6 +77,7 @@ class RigidResult(ShortText):
     velocities: Floats
     readings: Floats
     closest: Floats
+    work: Floats
     status: NDArray[np.str_]
     steps: Ints
     residual: Floats

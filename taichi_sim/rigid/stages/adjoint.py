@@ -48,6 +48,7 @@ from taichi_sim.rigid.stages.motion import common_motion
 from taichi_sim.rigid.stages.rows import row_impulse
 from taichi_sim.rigid.stages.spatial import Reals
 from taichi_sim.rigid.stages.water import undo_immerse
+from taichi_sim.rigid.stages.work import drive_level, undo_work
 from taichi_sim.runtime import ti
 
 # Pieces of ``body_slots``, ``moving_slots`` and ``hinge_slots`` whose cotangents become those before the step.
@@ -124,8 +125,11 @@ def undo_move(robots: ti.template(), motion: ti.template(), cotangents: ti.templ
 
 
 @ti.func
-def prepare_adjoint(robots: ti.template(), motion: ti.template(), cotangents: ti.template()):
-    """The adjoint system: the step's own, for cotangents instead of momenta; its targets are zero."""
+def prepare_adjoint(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), rows):
+    """The adjoint system: the step's own, for cotangents instead of momenta.
+
+    Its targets are zero, but of motors that hold their rate: theirs are minus the cotangents of their impulses.
+    """
     for slot in range(robots.plan[slots.READING]):
         write(motion, slot, read(robots, slot))
     zero = 0.0 * read(robots, slots.POSITION)
@@ -134,7 +138,9 @@ def prepare_adjoint(robots: ti.template(), motion: ti.template(), cotangents: ti
         put(motion, body + slots.MOMENTUM, row(cotangents, body + slots.VELOCITY, 6))
         put(motion, body + slots.DRIFT, (zero, zero, zero))
         write(motion, body + slots.PUSH, read(cotangents, body + slots.RATE))
-        put(motion, body + slots.TARGET, (zero,))
+        spent, level = read(cotangents, body + slots.TARGET), drive_level(robots, body, rows)
+        holds = (level * level < 0.5) & (read(robots, body + slots.SERVO) < 0.0)
+        put(motion, body + slots.TARGET, (select(holds, zero - spent, zero),))
         put(motion, body + slots.LOW, (zero, zero))
         put(motion, body + slots.LEAST_RATE, (zero, zero))
         write(motion, body + slots.RUBBING, zero)
@@ -145,7 +151,7 @@ def prepare_adjoint(robots: ti.template(), motion: ti.template(), cotangents: ti
 @ti.func
 def solve_adjoint(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), count, rows):
     """The motion z: the step's linear system for the cotangents of its solution, with the same contacts and limits."""
-    prepare_adjoint(robots, motion, cotangents)
+    prepare_adjoint(robots, motion, cotangents, rows)
     assemble(motion, count, rows, 0.0)
     collect(motion, rows)
     solve_base(motion)
@@ -233,6 +239,11 @@ def undo_command(robots: ti.template(), motion: ti.template(), cotangents: ti.te
             by_high = select((mode > 0.5) & (mode < 1.5), rate, none)
             resisted = 0.0 - rate * read(robots, body + slots.RATE)
             of_servo = select(driven & by_law, resisted, none)
+            spent, level = read(cotangents, body + slots.TARGET), drive_level(robots, body, rows)
+            within = by_law & (level * level < 0.5)
+            of_target = of_target + select(within, spent, none)
+            of_servo = of_servo - select(within, spent * read(robots, body + slots.RATE), none)
+            by_low, by_high = by_low + select(level < -0.5, spent, none), by_high + select(level > 0.5, spent, none)
             of_stops = ti.static((of_least, of_most))
             seeds = ti.static((of_target, rate, by_low, by_high) + of_stops + (resisted, of_servo, 0.0 - way * rate))
             pieces = ti.static(hinge_slots(robots, b))
@@ -248,6 +259,8 @@ def reverse_response(robots: ti.template(), motion: ti.template(), cotangents: t
     """Reverse ``step.respond`` and ``motion.move_bodies``."""
     rows = ti.min(count, 1)
     undo_move(robots, motion, cotangents)
+    if ti.static(not robots.drifting):
+        undo_work(robots, cotangents, rows)
     solve_adjoint(robots, motion, cotangents, count, rows)
     undo_solve(robots, motion, cotangents, count, rows)
     if ti.static(not robots.drifting):

@@ -26,6 +26,7 @@ from taichi_sim.rigid.stages.motion import gather_momentum, place_bodies
 from taichi_sim.rigid.stages.rows import repeat_rows, switch_rows
 from taichi_sim.rigid.stages.sand import limit_normals
 from taichi_sim.rigid.stages.water import immerse
+from taichi_sim.rigid.stages.work import do_work
 from taichi_sim.runtime import ti
 
 MOST_SWITCHES, TRIES_TOGETHER = 1000, 4  # solutions a phase; of them all at once without fewer wrong rows than ever
@@ -65,6 +66,8 @@ def respond(robots: ti.template(), count):
                     repeat_rows(robots, active)
             if phase + 1 < phases:
                 rub(robots, count, phase)
+    if ti.static(not robots.drifting):
+        do_work(robots, ti.min(count, 1))
 
 
 @ti.func

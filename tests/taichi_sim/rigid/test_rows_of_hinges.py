@@ -61,6 +61,23 @@ class Case:
         limit = np.inf if self.drive.torque is None else step * self.drive.torque
         return found + np.clip(step * asked - drag, -limit, limit)
 
+    def work(self, rate, step):
+        """Work of the drive in a step that ends with a rate, as far as it pushes that way."""
+        if self.drive is None:
+            return 0.0
+        asked = self.drive.by_command + self.drive.by_angle * self.angle + self.drive.offset
+        if isinstance(self.drive, Motor):
+            limit = np.inf if self.drive.fastest is None else self.drive.fastest
+            lacking = np.clip(asked, -limit, limit) - rate
+            push = step * self.drive.torque * np.sign(lacking)
+            if abs(lacking) < 1e-9 * max(1.0, abs(rate)):  # it holds its rate, with what that takes
+                push = -0.5 * (self.pull(rate, -1.0, step) + self.pull(rate, 1.0, step))
+        else:
+            gained = -0.25 * step * step * self.drive.by_angle
+            limit = np.inf if self.drive.torque is None else step * self.drive.torque
+            push = np.clip(step * (asked - self.drive.by_rate * rate) + gained * (self.rate - rate), -limit, limit)
+        return max(0.0, push * rate)
+
     def exact(self, step, return_rate):
         """The rate after a step, within what stops allow; the impulse falls as the rate grows."""
         low, high = -1e12, 1e12
@@ -104,3 +121,17 @@ def test_the_rate_after_a_step_is_the_only_one_at_which_all_impulses_balance(dri
     expected = np.array([case.exact(step, min(0.2 / step, RETURN)) for case in cases])
     assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
     assert np.mean(abs(found) < 1e-9) > 0.02 and len(np.unique(found.round(6))) > 600
+    work = np.array([case.work(rate, step) for case, rate in zip(cases, found, strict=True)])
+    sizes = np.array([case.inertia * (1 + rate * rate) for case, rate in zip(cases, found, strict=True)])
+    assert run.work / sizes == pytest.approx(work / sizes, rel=1e-5, abs=1e-6)
+    assert drive is None or (run.work > 0).sum() > 300
+
+
+def test_the_studies_integration_counts_no_work():
+    engine = RigidEngine(
+        Case(np.random.default_rng(3), "motor").tree(), Physics(0.01, integration="velocity"), threads=1
+    )
+    tape = engine.record(3, commands=ONE)
+    assert np.isnan(tape.result.work).all()
+    with pytest.raises(ValueError, match="work: integration 'velocity' counts none; take 'momentum'"):
+        tape.pull_back(work=np.ones((1, 1)))
