@@ -7,7 +7,7 @@ import argparse
 import contextlib
 import os
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -86,7 +86,8 @@ class RobotOptions(argparse.ArgumentParser):
         """Add the options of kinds before the command line is parsed.
 
         Args:
-            find: the kinds that a command line names, none if it names none that is known.
+            find: the kinds that words of a command line name, none if they name none that is known. Of a command that
+                takes robots without a flag, these are the words that are values of no option.
             options_of: the options of a kind for this command.
         """
         self._find, self._options_of = find, options_of
@@ -110,7 +111,7 @@ class RobotOptions(argparse.ArgumentParser):
         # What is wrong, or left out, is told when the command runs.
         with warnings.catch_warnings(), contextlib.suppress(ValueError, OSError, argparse.ArgumentError):
             warnings.simplefilter("ignore")
-            kinds = list({kind.name: kind for kind in find(words)}.values())
+            kinds = list({kind.name: kind for kind in self._named(words, find)}.values())
         taken = {action.dest for action in self._actions}
         self._own = frozenset(taken)
         for kind in kinds or [KINDS[USUAL]]:
@@ -126,6 +127,21 @@ class RobotOptions(argparse.ArgumentParser):
                     taken.add(option.name)
                 if option.name not in self._own:
                     self.known_to.setdefault(option.name, []).append(KINDS[name].title)
+
+    def _named(self, words: Sequence[str], find: Callable[[Sequence[str]], Iterable[RobotKind]]) -> Iterable[RobotKind]:
+        """The kinds that a command line names; a folder for results, say, is none of its robots."""
+        if all(action.option_strings for action in self._actions):
+            return find(words)
+        flags = {flag for action in self._actions if action.nargs != 0 for flag in action.option_strings}
+        flags |= self._flags_of(KINDS[name] for name in KINDS.builtin)
+        bare = _without_values(words, flags)
+        kinds = list(find(bare))
+        bare_of_these = _without_values(words, flags | self._flags_of(kinds))  # some may be of packages
+        return kinds if bare_of_these == bare else find(bare_of_these)
+
+    def _flags_of(self, kinds: Iterable[RobotKind]) -> set[str]:
+        """The options of kinds that take a value, as the command line spells them."""
+        return {option.flag for kind in kinds for option in self._options_of(kind) if option.type is not None}
 
     def values(self, args: argparse.Namespace, kind: RobotKind, *others: RobotKind) -> dict[str, Any]:
         """Values of the options of a kind that were given, by name.
@@ -161,6 +177,17 @@ class RobotOptions(argparse.ArgumentParser):
                 told = f"{kind.title} has such an option, as the command has"
                 raise ValueError(f"{option.name.replace('_', '-')}: {told}; have its package rename it")
         return kept
+
+
+def _without_values(words: Sequence[str], flags: Collection[str]) -> list[str]:
+    """The words of a command line that stand by themselves: neither options nor values of those that take one."""
+    found, before, ended = list[str](), "", False
+    for word in words:
+        if ended or (before not in flags and not word.startswith("-")):
+            found.append(word)
+        ended = ended or word == "--"
+        before = word if before not in flags else ""
+    return found
 
 
 def world_and_own(command: str) -> OptionsOf:

@@ -46,7 +46,7 @@ COMMAND = Command(
         QUIET,
     ),
     options.simulation("f64"),
-    lambda words: kinds_of_words(_sources(words)),
+    lambda words: kinds_of_words(_known_sources(words)),
     world_and_own("simulate"),
 )
 
@@ -81,6 +81,15 @@ def _sources(words: Sequence[str]) -> list[str]:
         path = Path(word)
         folder = os.path.isdir(word) and not has_run(path) and run_of_any_seed(path) is None
         found += files_of(path) if folder else [word]
+    return found
+
+
+def _known_sources(words: Sequence[str]) -> list[str]:
+    """What words name as far as it can be told, for the options; a folder that is refused is so when they are known."""
+    found = list[str]()
+    for word in words:
+        with contextlib.suppress(ValueError, OSError):
+            found += _sources([word])
     return found
 
 

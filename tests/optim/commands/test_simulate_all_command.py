@@ -5,9 +5,12 @@ import shutil
 
 import numpy as np
 import pytest
+from articulated_files import CRAWLER
 from voxel_files import vxa
 
+from optim.cli import build_parser
 from optim.experiments.tables import read_records
+from robots.robot import KINDS
 
 BODIES = {"long": (4, 1, 1), "square": (2, 2, 1), "flat": (3, 2, 1)}
 
@@ -48,6 +51,22 @@ def test_a_folder_becomes_a_ranking_and_a_table(bodies, morpholab):
 
 
 @pytest.mark.kernels
+def test_a_folder_for_results_is_none_of_the_robots(bodies, morpholab):
+    """Whether it is there already or not, so that options of the robots are known when the command goes on."""
+    for name, swing in (("narrow", "0.4"), ("wide", "0.8")):
+        (bodies / f"{name}.xml").write_text(CRAWLER.replace("0.8", swing))
+    (bodies.parent / "empty").mkdir()
+    robots, tables = "bodies/narrow.xml bodies/wide.xml", []
+    for folder in ("a", "a", "empty"):
+        code, _, err = morpholab(f"simulate-all --quiet --duration 0.1 --out {folder} {robots}")
+        assert (code, err) == (0, "")
+        tables.append((bodies.parent / folder / "scores.csv").read_text())
+    assert tables[0] == tables[1] == tables[2]
+    code, _, err = morpholab("simulate-all bodies/narrow.xml nothing --duration 0.1 --out a")
+    assert code == 2 and "error: source: 'nothing' is no robot" in err
+
+
+@pytest.mark.kernels
 def test_what_is_damaged_in_a_folder_is_left_out_and_told(bodies, morpholab):
     (bodies / "bad.json").write_text("{")
     (bodies / "bad.vxa").write_text("<VXA>")
@@ -65,11 +84,29 @@ def test_robots_of_several_kinds_are_ranked_by_what_they_have(bodies, morpholab)
 
 
 @pytest.mark.parametrize(
+    ("line", "kinds"),
+    [
+        ("view legged --title vehicle --out rolling", {"quadruped"}),
+        ("view vehicle --design 5 --title=legged", {"vehicle"}),
+        ("view --quiet legged vehicle --terrain rolling", {"quadruped", "vehicle"}),
+        ("export vehicle --csv legged --dry-run", {"vehicle"}),
+    ],
+)
+def test_what_an_option_takes_names_no_robot(line, kinds):
+    command, *words = line.split()
+    parser = build_parser(command)._actions[-1].choices[command]
+    parser._add_kinds(words)
+    titles = {group.title for group in parser._action_groups}
+    assert {name for name in KINDS.builtin if KINDS[name].title in titles} == kinds
+
+
+@pytest.mark.parametrize(
     ("line", "message"),
     [
         ("simulate-all", "the following arguments are required: ROBOT"),
         ("simulate-all nothing", "source: 'nothing' is no robot"),
         ("simulate-all empty", "sources: empty has no files of robots, such as .vxa"),
+        ("simulate-all empty bodies --duration 0.1", "sources: empty has no files of robots, such as .vxa"),
         ("simulate-all bodies --measure sped", "measure: 'sped' is unknown; there are speed, distance"),
         ("simulate-all bodies --terrain hil:5", "argument --terrain: 'hil:5' is unknown"),
         ("simulate-all bodies --design 5", "design: it is an option of other kinds"),
