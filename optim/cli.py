@@ -196,7 +196,7 @@ def main(arguments: Sequence[str | os.PathLike[str]] | None = None) -> int:
         return _fail(args.command, "interrupted", stopped_by(interrupt))
     except _Told:  # of what a file of options says
         raise
-    except (Exception, SystemExit) as raised:
+    except BaseException as raised:
         return _refuse(args.command, failure_of(raised))
     code = _print(args.command, text, int(report.code))
     return code if report.error is None else _refuse(args.command, report.error)

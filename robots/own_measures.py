@@ -21,7 +21,7 @@ from taichi_sim.autodiff.arrays import value_of
 from taichi_sim.autodiff.tracing import Traced
 from taichi_sim.base.checks import known_names
 from taichi_sim.base.files import content_of, sha256
-from taichi_sim.base.foreign import modules_beside, users_code
+from taichi_sim.base.foreign import class_and_message, failure_of, modules_beside, users_code
 from taichi_sim.base.registry import Registry
 
 OF_OBJECTIVES = ("mean", "each", "worst")  # words that say how worlds are combined
@@ -101,9 +101,10 @@ class OwnMeasure(Measure):
         try:
             with np.errstate(all="ignore"), self._modules_beside():  # errors of robots that diverged
                 found = self.law(motion)
-        except (Exception, SystemExit) as error:  # whatever a user's law may raise
+        except BaseException as raised:  # whatever a user's law may raise
+            error = failure_of(raised)
             has = f"; it has {', '.join(_members(motion))}" if getattr(error, "obj", None) is motion else ""
-            raise ValueError(f"own_measures: {self.name} fails: {type(error).__name__}: {error}{has}") from error
+            raise ValueError(f"own_measures: {self.name} fails: {class_and_message(raised)}{has}") from error
         plain = np.asarray(value_of(found))
         if plain.shape != (count,) or plain.dtype.kind not in "fiu":
             raise ValueError(

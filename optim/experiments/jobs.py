@@ -12,10 +12,9 @@ from typing import Any
 
 from optim.experiments.results import Progress
 from optim.runs.workers.processes import ProcessWorker, how_it_ended, start_process
-from optim.runs.workers.service import Raised, portable, thread_environment
+from optim.runs.workers.service import Raised, thread_environment
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import available_threads
-from taichi_sim.base.foreign import failure_of
 
 Task = Callable[[Mapping[str, Any], Progress], object]  # called with options of simulations, and told its progress
 LAST_WORK = 30.0  # s, for a process that is done: it keeps the kernels that it has compiled
@@ -79,7 +78,7 @@ def _work(task: Task, compute: Mapping[str, Any], pipe: "Connection[Message, Non
     """Do a task in a process and report to the parent."""
     try:
         task(compute, pipe.send)
-    except (Exception, SystemExit) as raised:
-        pipe.send(Raised(portable(failure_of(raised))))
+    except BaseException as raised:
+        pipe.send(Raised.by_users_code(raised))
     else:
         pipe.send(None)

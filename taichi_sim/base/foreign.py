@@ -50,7 +50,7 @@ def users_code(file: object) -> Iterator[None]:
     except BaseException as error:
         if lacks_memory(error):
             raise
-        raise ValueError(f"{file}: {type(error).__name__}: {_said(error)}") from None
+        raise ValueError(f"{file}: {class_and_message(error)}") from None
 
 
 @contextlib.contextmanager
@@ -116,7 +116,7 @@ def _lies_in(folder: Path, name: str) -> bool:
 def blamed(file: str, run_as: str) -> Iterator[None]:
     """Run functions of a user's file inside; an exception that comes from it passes, with a note of file and line.
 
-    The note survives workers, which pass exceptions on; :func:`blame` finds it. An exit becomes a RuntimeError.
+    The note survives workers, which pass exceptions on; :func:`blame` finds it. See also :func:`failure_of`.
 
     Args:
         file: its name, for people.
@@ -124,21 +124,30 @@ def blamed(file: str, run_as: str) -> Iterator[None]:
     """
     try:
         yield
-    except (Exception, SystemExit) as raised:
+    except BaseException as raised:
         error = failure_of(raised)
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == run_as]
         if lines and not lacks_memory(error) and not blame(error):
-            error.add_note(f"{BLAMED}{_place_and_message(error, file, lines[-1])}")
+            error.add_note(f"{BLAMED}{_place_and_message(raised, file, lines[-1])}")
         if error is not raised:
             raise error from None
         raise
 
 
-def failure_of(raised: Exception | SystemExit) -> Exception:
-    """What was raised, as a failure: an exit that a user's function asks for does not end the program that calls it."""
+def failure_of(raised: BaseException) -> Exception:
+    """What users' code has raised, as a failure of that code; for ``except BaseException``.
+
+    What is no ``Exception``, such as an exit or a panic of Rust, becomes a RuntimeError that tells its class: it ends
+    no program that calls the code.
+
+    Raises:
+        KeyboardInterrupt: if that is what was raised.
+    """
+    if isinstance(raised, KeyboardInterrupt):
+        raise raised
     if isinstance(raised, Exception):
         return raised
-    return RuntimeError(f"SystemExit: {raised.code}").with_traceback(raised.__traceback__)
+    return RuntimeError(class_and_message(raised)).with_traceback(raised.__traceback__)
 
 
 @contextlib.contextmanager
@@ -146,9 +155,9 @@ def blamed_package() -> Iterator[None]:
     """Run what an installed package may have added inside; an exception that comes from it passes, with such a note."""
     try:
         yield
-    except (Exception, SystemExit) as raised:
+    except BaseException as raised:
         error = failure_of(raised)
-        if told := blame_package(error):
+        if told := blame_package(raised):
             error.add_note(f"{BLAMED}{told}")
         if error is not raised:
             raise error from None
@@ -172,14 +181,14 @@ def _package_of(frame: FrameType) -> str:
 
 def _place_and_message(error: BaseException, file: str, line: int | None) -> str:
     """Where an exception was raised, and what it says."""
-    said = _said(error)
-    return f"{file}, line {line}: {type(error).__name__}{said and ': '}{said}"
+    return f"{file}, line {line}: {class_and_message(error)}"
 
 
-def _said(error: BaseException) -> str:
-    """What an exception says, in one line that is cut off if it is long."""
+def class_and_message(error: BaseException) -> str:
+    """The class of an exception and what it says, in one line that is cut off if it is long."""
     said = " ".join(str(error).split())
-    return said if len(said) <= LONGEST_SAID else f"{said[:LONGEST_SAID]}... ({len(said)} characters)"
+    told = said if len(said) <= LONGEST_SAID else f"{said[:LONGEST_SAID]}... ({len(said)} characters)"
+    return f"{type(error).__name__}{told and ': '}{told}"
 
 
 def blame(error: BaseException) -> str:

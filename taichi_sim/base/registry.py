@@ -9,6 +9,7 @@ from functools import lru_cache
 from importlib import metadata
 from typing import Generic, TypeVar
 
+from taichi_sim.base.foreign import failure_of
 from taichi_sim.base.lazy import imported
 
 Thing = TypeVar("Thing")
@@ -122,9 +123,10 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
             )
         try:
             loaded: Thing = entries[0].load()
-        except (Exception, SystemExit) as error:
+        except BaseException as raised:
+            error = failure_of(raised)
             why = " ".join(str(error).split()) or type(error).__name__
-            raise ValueError(f"{self.noun}: {name!r} of the package {packages} cannot be imported ({why})") from error
+            raise ValueError(f"{self.noun}: {name!r} of the package {packages} cannot be imported ({why})") from raised
         self._check_type(name, packages, loaded)
         return loaded
 

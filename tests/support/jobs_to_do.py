@@ -37,6 +37,22 @@ def stumble(folder, compute, progress):
     raise Wordy("kite", "it fell")
 
 
+class Panic(BaseException):
+    """No failure as handlers of these know it."""
+
+
+def panic(folder, compute, progress):
+    """As a library in Rust may."""
+    _until_another_waits(folder)
+    raise Panic("it fell")
+
+
+def interrupt(folder, compute, progress):
+    """As Ctrl-C does, of which a process is spared."""
+    _until_another_waits(folder)
+    raise KeyboardInterrupt
+
+
 def die(folder, compute, progress):
     """As the kernel ends what takes too much memory."""
     _until_another_waits(folder)

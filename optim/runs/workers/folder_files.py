@@ -41,7 +41,7 @@ BEATS = 10  # signs of life within the time after which a worker counts as silen
 _ENDING, _OF_WORKER = ".npz", "@"
 _LONGEST_NAP, _SHORTEST_NAP, _SHARE = 1.0, 0.01, 0.02  # s, s, fraction of the time waited so far
 _DETAIL = "detail-"  # followed by a number, as archives do not accept every name
-_ERRORS = {kind.__name__: kind for kind in (ValueError, OSError, MemoryError)}
+_ERRORS = {kind.__name__: kind for kind in (ValueError, OSError, MemoryError, KeyboardInterrupt)}
 
 
 @dataclass(frozen=True)

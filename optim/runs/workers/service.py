@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from optim.problem import Evaluation, Problem, Request, evaluate_request
-from taichi_sim.base.foreign import failure_of
+from taichi_sim.base.foreign import class_and_message, failure_of
 
 # Variables from which NumPy's linear algebra and other libraries read their number of threads when they are loaded.
 THREAD_VARIABLES = (
@@ -24,7 +24,14 @@ THREAD_VARIABLES = (
 class Raised:
     """Answer that carries an exception."""
 
-    error: Exception
+    error: BaseException
+
+    @classmethod
+    def by_users_code(cls, raised: BaseException) -> "Raised":
+        """What users' code has raised in a worker; Ctrl-C is its parent's, so that an interrupt is of the code, too."""
+        if isinstance(raised, KeyboardInterrupt):
+            return cls(KeyboardInterrupt())
+        return cls(portable(failure_of(raised)))
 
 
 Answer = Evaluation | Raised | None
@@ -71,17 +78,18 @@ class Service:
         """Load a pickled problem; return None, or the exception."""
         try:
             self._problem = pickle.loads(content)
-        except (Exception, SystemExit) as error:
-            message = f"workers: the problem cannot be loaded in one ({type(error).__name__}: {error})"
-            return Raised(RuntimeError(message))
+        except KeyboardInterrupt as interrupt:
+            return Raised.by_users_code(interrupt)
+        except BaseException as error:
+            return Raised(RuntimeError(f"workers: the problem cannot be loaded in one ({class_and_message(error)})"))
         return None
 
     def evaluate(self, request: Request) -> Answer:
         """Evaluate a request; return the evaluation, or the exception."""
         try:
             return evaluate_request(self._problem, request)
-        except (Exception, SystemExit) as raised:
-            return Raised(portable(failure_of(raised)))
+        except BaseException as raised:
+            return Raised.by_users_code(raised)
 
 
 def portable(error: Exception) -> Exception:

@@ -217,14 +217,41 @@ def test_wrong_files_are_one_line_and_leave_no_folder(tmp_path, morpholab, sourc
     assert code == 2 and message in error and error.count("\n") == 1 and not (tmp_path / "a").exists()
 
 
+UNCOMMON = """
+import multiprocessing, sys
+class Leaving(SystemExit): pass
+class Panic(BaseException): pass
+bounds = {"x": (0, 1)}
+BESIDE
+def evaluate(points):
+    LINE
+"""
+
+
 @pytest.mark.parametrize("workers", ["", "--workers 2"])
-@pytest.mark.parametrize("asked", ["0", "3", "'no'"])
-def test_an_exit_of_a_users_function_ends_no_search_in_silence(tmp_path, morpholab, asked, workers):
-    text = f"import sys\nbounds = {{'x': (0, 1)}}\n\n\ndef evaluate(points):\n    sys.exit({asked})\n"
-    (tmp_path / "own.py").write_text(text)
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("sys.exit(0)", "SystemExit: 0"),
+        ("sys.exit('no')", "SystemExit: no"),
+        ("raise Leaving(3)", "Leaving: 3"),
+        ("raise Panic('a\\nb')", "Panic: a b"),
+        ("raise GeneratorExit", "GeneratorExit"),
+    ],
+)
+def test_what_is_no_failure_of_a_users_function_fails_its_search_in_a_line(tmp_path, morpholab, line, told, workers):
+    (tmp_path / "own.py").write_text(UNCOMMON.replace("BESIDE", "").replace("LINE", line))
     code, out, error = morpholab(f"codesign --problem own.py --generations 1 --quiet --out a {workers}")
-    told = asked.strip("'")
-    assert (code, out) == (1, "") and f"failed: own.py, line 6: RuntimeError: SystemExit: {told}" in error
+    assert (code, out) == (1, "") and error == f"morpholab codesign: failed: own.py, line 8: {told}\n"
+
+
+@pytest.mark.parametrize("workers", ["", "--workers 2"])
+@pytest.mark.parametrize("beside", ["", "if multiprocessing.parent_process(): raise KeyboardInterrupt"])
+def test_an_interrupt_by_users_code_ends_the_search_as_ctrl_c_does(tmp_path, morpholab, beside, workers):
+    """Also where a worker alone raises it, when it loads the file."""
+    (tmp_path / "own.py").write_text(UNCOMMON.replace("BESIDE", beside).replace("LINE", "raise KeyboardInterrupt"))
+    code, out, error = morpholab(f"codesign --problem own.py --generations 1 --quiet --out a {workers}")
+    assert (code, error) == (130, "") and out.startswith("interrupted before the first generation was complete")
 
 
 def test_a_run_of_a_robot_takes_no_file(rocket, morpholab, simulator):

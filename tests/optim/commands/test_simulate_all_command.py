@@ -66,6 +66,33 @@ def test_a_folder_for_results_is_none_of_the_robots(bodies, morpholab):
     assert code == 2 and "error: source: 'nothing' is no robot" in err
 
 
+BAD = """
+from morpholab import OwnMeasure, robot as robot_of
+
+class Panic(BaseException):
+    pass
+
+def law(motion):
+    raise Panic("fell")
+
+robot = robot_of("bodies/narrow.xml", duration=0.1, own_measures=(OwnMeasure("drift", law=law),))
+"""
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("workers", ["", "--workers 2"])
+def test_what_a_law_raises_costs_its_robot_alone(bodies, morpholab, workers):
+    (bodies / "narrow.xml").write_text(CRAWLER.replace("0.8", "0.4"))
+    (bodies / "bad.py").write_text(BAD)
+    (bodies / "good.py").write_text(BAD.replace('raise Panic("fell")', "return motion.places[:, 0, 0]"))
+    code, out, err = morpholab(f"simulate-all bodies/bad.py bodies/good.py --quiet --out a {workers}")
+    assert (code, err) == (0, "") and out.startswith("2 robots, 1 failed\n  bodies/good.py  speed ")
+    assert "\n  bodies/bad.py: own_measures: drift fails: Panic: fell\n" in out
+    (bodies / "bad.py").write_text(BAD.replace('raise Panic("fell")', "raise KeyboardInterrupt"))
+    code, out, err = morpholab(f"simulate-all bodies/bad.py bodies/good.py --quiet {workers}")
+    assert (code, out, err) == (130, "", "morpholab simulate-all: interrupted\n")
+
+
 @pytest.mark.kernels
 def test_what_is_damaged_in_a_folder_is_left_out_and_told(bodies, morpholab):
     (bodies / "bad.json").write_text("{")

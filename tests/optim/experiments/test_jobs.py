@@ -60,6 +60,8 @@ def test_warnings_are_notes_of_a_line(tmp_path, capfd):
     [
         (jobs_to_do.refuse, ValueError, "^kite: it does not fly"),
         (jobs_to_do.stumble, RuntimeError, "^Wordy: kite: it fell"),
+        (jobs_to_do.panic, RuntimeError, "^Panic: it fell"),
+        (jobs_to_do.interrupt, KeyboardInterrupt, "^$"),
         (jobs_to_do.die, RuntimeError, r"^bad: its process ended \(killed by SIGKILL\)"),
     ],
 )

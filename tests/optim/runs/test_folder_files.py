@@ -14,6 +14,7 @@ from worker_checks import same
 from optim.problem import Evaluation, Request
 from optim.runs.workers import folder_files
 from optim.runs.workers.folder_files import CLAIMED, OPEN, Gone, Offer, Unread
+from optim.runs.workers.service import Raised
 
 
 @settings(max_examples=20)
@@ -71,6 +72,13 @@ def test_objects_do_not_travel():
         Evaluation(np.ones(1), details={"thing": np.array([{}], object)})
     for each in (Gone("died"), Unread("bad")):
         assert folder_files.unpacked_answer(folder_files.packed_answer("part", "me", each), "part", 1)[1] == each
+
+
+@pytest.mark.parametrize("error", [ValueError("x: bad"), RuntimeError("Panic: fell"), KeyboardInterrupt()])
+def test_what_users_code_raises_travels(error):
+    told = Raised.by_users_code(error)
+    _, found = folder_files.unpacked_answer(folder_files.packed_answer("part", "me", told), "part", 1)
+    assert type(found.error) is type(error) and str(found.error) == str(error)
 
 
 def test_an_offer_that_was_changed_is_refused(tmp_path):

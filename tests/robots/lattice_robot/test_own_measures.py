@@ -1,5 +1,6 @@
 """Measures of a user's own: what their laws see, their gradients beside differences, and what is refused."""
 
+import asyncio
 import dataclasses
 import sys
 
@@ -36,6 +37,14 @@ SIDE = OwnMeasure("side", "m", law=side)
 """
 SPACE = {"amplitude": (Free(0.0, 0.2),) * 3, "phase": (Free(0.0, 1.0),) * 3}
 SETTINGS = {"cycles": 1, "settling": 0.05, "frequency": 8.0}
+
+
+class Panic(BaseException):
+    """What goes past handlers of failures, as those of Rust do."""
+
+
+def raised(error):
+    raise error
 
 
 def speed(motion):
@@ -148,6 +157,9 @@ def test_moments_begin_with_the_robot_where_it_stands():
         (lambda motion: motion.ended, r"gives float64 of shape \(1, 3, 3\)"),
         (lambda motion: np.array(["a"]), r"gives <U1 of shape \(1,\)"),
         (lambda motion: sys.exit(0), "fails: SystemExit: 0$"),
+        (lambda motion: raised(Panic("a\nb")), "fails: Panic: a b$"),
+        (lambda motion: raised(GeneratorExit()), "fails: GeneratorExit$"),
+        (lambda motion: raised(asyncio.CancelledError()), "fails: CancelledError$"),
         (lambda motion: motion.nothing, "fails: AttributeError: .* no attribute 'nothing'; it has .*positions"),
     ],
 )
@@ -155,6 +167,12 @@ def test_what_a_law_gets_wrong_is_told_in_one_line(law, told):
     constants, record = recorded()
     with pytest.raises(ValueError, match=rf"^own_measures: wrong {told}"):
         law_of(OwnMeasure("wrong", law=law))(record, constants)
+
+
+def test_an_interrupt_passes_a_law():
+    constants, record = recorded()
+    with pytest.raises(KeyboardInterrupt):
+        law_of(OwnMeasure("slow", law=lambda motion: raised(KeyboardInterrupt())))(record, constants)
 
 
 def test_what_is_no_measure_is_refused(bar):

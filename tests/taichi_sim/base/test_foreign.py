@@ -1,7 +1,9 @@
 """Whose fault an exception is, where code runs that is not morpholab's."""
 
+import asyncio
 import errno
 import pickle
+import sys
 
 import pytest
 
@@ -53,6 +55,57 @@ def test_an_exception_of_a_users_function_passes_and_tells_whose_it_is(kind, tmp
         judge()
     for error in (found.value, pickle.loads(pickle.dumps(found.value))):
         assert foreign.blame(error) == f"own.py, line 4: {kind.__name__}: a b:"
+
+
+class Panic(BaseException):
+    """What goes past handlers of failures, as those of Rust do."""
+
+
+class Leaving(SystemExit):
+    """An exit of a user's own."""
+
+
+UNCOMMON = [
+    (Panic("a\nb"), "Panic: a b"),
+    (Leaving(3), "Leaving: 3"),
+    (SystemExit(), "SystemExit"),
+    (GeneratorExit(), "GeneratorExit"),
+    (asyncio.CancelledError(), "CancelledError"),
+]
+
+
+@pytest.mark.parametrize(("error", "told"), UNCOMMON)
+def test_what_is_no_exception_is_a_failure_that_tells_its_class(error, told, tmp_path):
+    judge, path = own(tmp_path, "def judge(error):\n    raise error\n")
+    with pytest.raises(RuntimeError) as found, foreign.blamed("own.py", path):
+        judge(error)
+    assert (str(found.value), foreign.blame(found.value)) == (told, f"own.py, line 2: {told}")
+    with pytest.raises(RuntimeError, match=rf"^{told}$"), foreign.blamed_package():
+        judge(error)
+    with pytest.raises(ValueError, match=rf"^own.py: {told}$"), foreign.users_code("own.py"):
+        judge(error)
+
+
+@pytest.mark.parametrize("kind", [KeyboardInterrupt, type("Own", (KeyboardInterrupt,), {})])
+def test_an_interrupt_passes_users_code(kind, tmp_path):
+    for users in (foreign.blamed("own.py", "own.py"), foreign.blamed_package(), foreign.users_code("own.py")):
+        with pytest.raises(kind), users:
+            raise kind
+
+
+def test_generators_that_users_code_closes_end_as_ever():
+    ended = []
+
+    def steps():
+        try:
+            yield 1
+        finally:
+            ended.append(sys.exception())
+
+    with foreign.blamed("own.py", __file__), foreign.blamed_package(), foreign.users_code("own.py"):
+        for _ in steps():
+            break
+        assert isinstance(ended.pop(), GeneratorExit)
 
 
 def test_a_call_that_is_refused_is_the_fault_of_the_line_that_makes_it(tmp_path):

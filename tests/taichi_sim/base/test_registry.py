@@ -70,10 +70,16 @@ def test_what_cannot_be_imported_is_told_in_one_line(shapes, path):
         shapes.find("drop")
 
 
-@pytest.mark.parametrize("asked", ["0", "'no licence'"])
-def test_an_exit_while_it_is_imported_is_told_like_any_failure(shapes, path, asked):
-    install(path, "broken", GROUP, {"blob": "broken:Blob"}, f"raise SystemExit({asked})")
-    told = asked.strip("'")
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("raise SystemExit(0)", "SystemExit: 0"),
+        ("raise SystemExit('no licence')", "SystemExit: no licence"),
+        ("raise type('Panic', (BaseException,), {})('no\\nway')", "Panic: no way"),
+    ],
+)
+def test_an_exit_while_it_is_imported_is_told_like_any_failure(shapes, path, line, told):
+    install(path, "broken", GROUP, {"blob": "broken:Blob"}, line)
     with pytest.raises(ValueError, match=rf"shape: 'blob' of the package broken cannot be imported \({told}\)"):
         shapes.find("blob")
 
