@@ -10,6 +10,7 @@ import traitlets
 from optim.explorer.exploration import Exploration, Tried
 from robots.view.player import MOST_MOTIONS
 from robots.view.player import page as player_page
+from taichi_sim.base.foreign import class_and_message, failure_of
 
 HERE = Path(__file__).parent
 
@@ -65,16 +66,22 @@ class Explorer(anywidget.AnyWidget):
         """Try the robot that the values are of, and show it; values that are left out are as at first."""
         self.message, self.latest, self.busy = "", None, 0.0
         try:
+            self._try_and_show()
+        finally:  # also after Ctrl-C
+            self.busy = None
+
+    def _try_and_show(self) -> None:
+        try:
             whole = self.exploration.checked(self.values)
             if whole != self.values:
                 self.values = whole  # which tries them
                 return
             self.latest = self.exploration.tried(whole, self._progress)
             self.message = self.latest.failure
-        except Exception as error:  # of the user's function, or the simulator: the notebook goes on
-            self.message = f"{error}" if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+        except BaseException as raised:  # of the user's function, or the simulator: the notebook goes on
+            is_refusal = isinstance(failure_of(raised), ValueError)
+            self.message = f"{raised}" if is_refusal else class_and_message(raised)
         self._show()
-        self.busy = None
 
     def _progress(self, fraction: float) -> None:
         if self.busy is not None and fraction - self.busy > 0.02:

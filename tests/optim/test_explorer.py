@@ -164,6 +164,39 @@ def test_the_widget_goes_on_after_errors_and_with_values_that_are_left_out():
     assert [column["title"] for column in widget.measured] == ["kept 1: wrong 0, w1 0.5", "now"]
 
 
+class Panic(BaseException):
+    """What goes past handlers of failures, as those of Rust do."""
+
+
+def widget_that_may_raise(error):
+    def make(wrong=0):
+        if wrong:
+            raise error
+        return ml.robot(VEHICLE)
+
+    return ml.explore(make, wrong=[0, 1], w1=(-1.0, 1.0))
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize(
+    ("error", "told"), [(SystemExit(3), "SystemExit: 3"), (Panic("a\nb"), "Panic: a b"), (ValueError("a: no"), "a: no")]
+)
+def test_the_widget_goes_on_after_what_is_no_exception(error, told):
+    widget = widget_that_may_raise(error)
+    widget.values = {"wrong": 1}
+    assert (widget.message, widget.busy, widget.latest, widget.measured) == (told, None, None, [])
+    widget.values = {"wrong": 0}
+    assert widget.latest is not None and not widget.message
+
+
+@pytest.mark.kernels
+def test_the_widget_is_not_busy_after_an_interrupt():
+    widget = widget_that_may_raise(KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        widget.values = {"wrong": 1}
+    assert widget.busy is None
+
+
 @pytest.mark.filterwarnings("ignore:mesh. its voxels of pitch 7.5")
 def test_a_mesh_needs_its_pitch_as_a_fixed_value_or_a_slider(tmp_path):
     trimesh.creation.box((40, 20, 20)).export(tmp_path / "box.stl")
