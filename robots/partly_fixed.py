@@ -13,7 +13,6 @@ from robots.robot import Facts, Outcome, Parameter, Robot, RobotKind, Trial, Wor
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import nearest, number, table
 from taichi_sim.base.names import joined, matching
-from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
     from robots.own_measures import OwnMeasure
@@ -127,7 +126,9 @@ class PartlyFixed(Robot):
         self.robot, self.held = robot, dict(held)
         self._free = np.array([name not in held for name in names], bool)
         if not self._free.any():
-            raise ValueError(f"hold: all {counted(len(names), 'parameter')} are held; leave some free")
+            if len(names) == 1:
+                raise ValueError(f"hold: {names[0]} is the only parameter; leave it free")
+            raise ValueError(f"hold: all {len(names)} parameters are held; leave some free")
         self._values = np.array([held.get(name, 0.0) for name in names])
 
     @property

@@ -7,6 +7,7 @@ import pickle
 import numpy as np
 import pytest
 from hopper import Hopper
+from tossers import Tosser
 
 import morpholab as ml
 from optim.problems.robot import RobotProblem
@@ -67,6 +68,11 @@ def test_every_member_whose_points_are_the_robots_completes_them():
 def test_what_cannot_be_held_is_refused(patterns, message):
     with pytest.raises(ValueError, match=message):
         held_at(Hopper(), POINT, patterns)
+
+
+def test_the_only_parameter_cannot_be_held():
+    with pytest.raises(ValueError, match=r"^hold: toss is the only parameter; leave it free$"):
+        held_at(Tosser(), [2.0], ["*"])
 
 
 def test_an_unknown_name_is_refused():
