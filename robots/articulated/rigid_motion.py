@@ -13,7 +13,7 @@ from taichi_sim.rigid import RigidResult, Tree, poses
 if TYPE_CHECKING:
     from robots.articulated.robot import ArticulatedRobot
 
-ENDED = "position", "orientation", "angles"  # what is known of the end of a run: of bases, and of hinges
+ENDED = "position", "orientation", "angles", "work"  # what is known of a run: of bases, of hinges, and of drives
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +35,7 @@ class RigidMotion:
         hinges: names of the bodies that the hinges carry.
         duration: duration of the trial [s].
         heading: unit vector of the direction of travel, shape (3,).
+        energy: work of all drives [J], shape (B,); NaN where only poses are known.
     """
 
     places: Any
@@ -47,14 +48,21 @@ class RigidMotion:
     hinges: tuple[str, ...]
     duration: float
     heading: Floats
+    energy: Any
 
     @classmethod
     def of(
-        cls, robot: "ArticulatedRobot", position: Any, orientation: Any, angles: Any, tree: Tree | None = None
+        cls,
+        robot: "ArticulatedRobot",
+        position: Any,
+        orientation: Any,
+        angles: Any,
+        work: Any = None,
+        tree: Tree | None = None,
     ) -> "RigidMotion":
-        """Make final poses from the bases' places (B, 3) [m] and orientations (B, 4), and hinge angles (B, H) [rad].
+        """Make a motion from the bases' places (B, 3) [m] and orientations (B, 4), and hinge angles (B, H) [rad].
 
-        ``tree`` is that of the robots, by default the robot's own.
+        ``work`` is that of all drives (B,) [J], and ``tree`` that of the robots, by default the robot's own.
         """
         tree = robot.tree if tree is None else tree
         names = tuple(body.name for body, _ in tree.ordered), tuple(hinge.child for hinge in tree.hinges)
@@ -63,7 +71,8 @@ class RigidMotion:
         begin = poses(tree, start, still, np.zeros(len(tree.hinges)))
         time = robot.steps * robot.physics.time_step
         told = sealed(angles) + np.array([hinge.rest for hinge in tree.hinges])
-        return cls(places, turns, told, *begin, tree.masses, *names, time, robot.direction)
+        energy = np.full(len(position), np.nan) if work is None else work
+        return cls(places, turns, told, *begin, tree.masses, *names, time, robot.direction, sealed(energy))
 
     def centres(self, places: Any) -> Any:
         """Compute centres of mass [m], shape (..., 3), from the bodies' places, shape (..., N, 3)."""
@@ -74,17 +83,18 @@ def own_measure_values(
     robot: "ArticulatedRobot", own: OwnMeasure, run: RigidResult, tree: Tree | None = None
 ) -> Floats:
     """A measure of a user's own of what robots came to, shape (B,); NaN of those that diverged."""
-    found = own.values(RigidMotion.of(robot, run.position, run.orientation, run.angles, tree), len(run.status))
+    motion = RigidMotion.of(robot, run.position, run.orientation, run.angles, run.work, tree)
+    found = own.values(motion, len(run.status))
     return np.where(run.status == "ok", found, np.nan)
 
 
 def slopes_of(
     robot: "ArticulatedRobot", own: OwnMeasure, run: RigidResult, tree: Tree | None = None
 ) -> dict[str, Floats]:
-    """Derivatives of a measure of a user's own by places and orientations of bases and by angles, as a tape takes."""
+    """Derivatives of a measure of a user's own by what is known of a run, as a tape takes."""
 
-    def measured(position: Any, orientation: Any, angles: Any) -> Any:
-        return own.values(RigidMotion.of(robot, position, orientation, angles, tree), len(run.status))
+    def measured(position: Any, orientation: Any, angles: Any, work: Any) -> Any:
+        return own.values(RigidMotion.of(robot, position, orientation, angles, work, tree), len(run.status))
 
     _, pull = trace(measured, *(np.nan_to_num(getattr(run, name)) for name in ENDED))
     return dict(zip(ENDED, pull((run.status == "ok").astype(float)), strict=True))

@@ -220,17 +220,17 @@ def _centre(tree: Tree, run: RigidResult) -> Floats:
 
 
 def _end_slopes(robot: "ArticulatedRobot", name: str, result: RigidResult, trees: Sequence[Tree]) -> dict[str, Floats]:
-    """Derivatives of a measure by places, orientations and angles at the end, or by the work of drives."""
+    """Derivatives of a measure by places, orientations and angles at the end, and by the work of drives."""
     if name == "energy":
-        return {"work": np.ones((len(result.work), 1))}
+        return {"work": np.ones(len(result.work))}
     found = []
     own = next((each for each in robot.own_measures if each.name == name), None)
     for tree, end in _each_tree(trees, result):
         if own is not None:
             found.append(slopes_of(robot, own, end, tree))
         else:
-            found.append(dict(zip(ENDED, centre_slopes(tree, end, robot.direction), strict=True)))
-    return {each: np.concatenate([one[each] for one in found]) for each in ENDED}
+            found.append(dict(zip(ENDED, centre_slopes(tree, end, robot.direction), strict=False)))
+    return {each: np.concatenate([one[each] for one in found]) for each in found[0]}
 
 
 def felt_over_time(robot: "ArticulatedRobot", points: Floats, world: World, compute: Compute) -> Floats:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 ACTIONS = ("commands", "differences")
 GAINS = ("progress", "light")
-TOLD = ("diverged", "left", "position", "lean", "distance", "light_distance", "speed")  # names in ``info``
+TOLD = ("diverged", "left", "position", "lean", "distance", "energy", "light_distance", "speed")  # names in ``info``
 
 Given = ArticulatedRobot | FixedRobot | str | Path
 
@@ -138,7 +138,7 @@ class Driven(Batch):
         lights = None if robot.light is None else np.array([robot.light])
         self._session = engine.session(batch=self.count, lights=lights, start=start)
         self._done, self._commands = 0, np.zeros((self.count, self._anatomy.drives))
-        self._distance: Floats = np.zeros(self.count)
+        self._distance, self._energy = np.zeros(self.count), np.zeros(self.count)
         self._over = np.zeros(self.count, bool)  # who has fallen or diverged: nothing more is told of it
         self._rhythm = rhythm(robot, self._points) if self._differs else None
         found = self._session.advance(steps=0)
@@ -171,6 +171,7 @@ class Driven(Batch):
             np.where(goes_on[:, None], each, before) for each, before in zip(now, seen, strict=True)
         )
         self._found, self._distance = found, np.where(goes_on, distance, self._distance)
+        self._energy = np.where(goes_on, found.work, self._energy)
         _, x, y, _ = self._seen[1].T
         self._lean = np.degrees(np.arccos(np.clip(1 - 2 * (x * x + y * y), -1.0, 1.0)))
         if callable(self.gain):
@@ -192,6 +193,7 @@ class Driven(Batch):
         """Commands that are left, where robots are and how they lean; measures after the last command."""
         robot, left = self._robot, np.full(self.count, self.left)
         found = {"left": left, "position": self._seen[0], "lean": self._lean, "distance": self._distance}
+        found["energy"] = self._energy
         if robot.light is not None:
             found["light_distance"] = self._light_distances()
         if not self.left:

@@ -137,7 +137,7 @@ class RigidTape:
             orientation: by its orientation, (B, 4).
             readings: by the sensors' last readings, (B, S); those of touch sensors have none.
             angles: by the hinges' angles at the end, (B, H).
-            work: by the work of all drives, (B, 1).
+            work: by the work of all drives, (B,).
 
         Raises:
             ValueError: for other shapes, and by the work with the studies' integration, which counts none.
@@ -146,7 +146,8 @@ class RigidTape:
         if work is not None and self._run.world.integration == "velocity":
             raise ValueError("work: integration 'velocity' counts none; take 'momentum'")
         seeds = np.zeros((int(self._run.plan[slots.SLOTS]), batch))
-        given = {"position": position, "orientation": orientation, "readings": readings, "angles": angles, "work": work}
+        given = {"position": position, "orientation": orientation, "readings": readings, "angles": angles}
+        given["work"] = None if work is None else np.reshape(work, (-1, 1))
         for name, value in given.items():
             places = places_of[name]
             if value is not None:

@@ -12,6 +12,7 @@ from crawlers import HERE, QUICK, some_points
 from robots.articulated import ArticulatedRobot, DriveReflexes
 from robots.articulated.simulation import rhythm, simulate
 from robots.free import Free
+from robots.own_measures import OwnMeasure
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
 
@@ -109,3 +110,24 @@ def test_a_search_finds_gaits_that_need_less(tmp_path, morpholab):
         assert code == 0, error
         used[name] = json.loads(out)["energy"]
     assert 0 < used["thrifty"] < 0.5 * used["fast"] and math.isfinite(used["fast"])
+
+
+def cost_of_transport(motion):
+    """Energy for a weight and a metre; of robots that hardly move that for a centimetre."""
+    way = (motion.centres(motion.places) - motion.centres(motion.start_places)) @ motion.heading
+    return motion.energy / (9.81 * motion.masses.sum() * np.sqrt(way**2 + 1e-4))
+
+
+def test_a_measure_of_ones_own_may_have_the_energy():
+    robot = robot_of(own_measures=(OwnMeasure("cost", law=cost_of_transport),), body_sizes={"front": Free(0.5, 2.0)})
+    points = some_points(robot, 2, seed=3)
+    world, compute = robot.worlds[0], Compute.given(HERE)
+    outcome = robot.differentiate(points, world, measures=["cost"], compute=compute)
+    masses = np.array([tree.masses.sum() for tree in outcome.result.trees])
+    way = np.sqrt(outcome.measures["distance"] ** 2 + 1e-4)
+    assert outcome.measures["cost"] == pytest.approx(outcome.measures["energy"] / (9.81 * masses * way))
+    direction = np.random.default_rng(3).normal(size=points.shape[1])
+    ahead, behind = (
+        robot.simulate(points + side * 1e-6 * direction, world, compute=compute).measures["cost"] for side in (1, -1)
+    )
+    assert outcome.gradients["cost"] @ direction == pytest.approx((ahead - behind) / 2e-6, rel=2e-5)

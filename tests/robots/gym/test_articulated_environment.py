@@ -58,7 +58,10 @@ def test_no_difference_plays_the_rhythm(world):
     gained, _, info = played(environment, np.zeros((13, 2)))
     assert info["distance"] == whole.distance[0] and info["high"] == whole.own["high"][0]
     assert info["speed"] == whole.distance[0] / 0.25 and info["left"] == 0
-    begun = environment.reset()[1]["distance"]
+    assert info["energy"] == whole.energy[0] > 0
+    again = environment.reset()[1]
+    begun = again["distance"]
+    assert again["energy"] == 0
     assert gained * robot_length(environment) == pytest.approx(whole.distance[0] - begun, rel=1e-9)
 
 

@@ -134,4 +134,4 @@ def test_the_studies_integration_counts_no_work():
     tape = engine.record(3, commands=ONE)
     assert np.isnan(tape.result.work).all()
     with pytest.raises(ValueError, match="work: integration 'velocity' counts none; take 'momentum'"):
-        tape.pull_back(work=np.ones((1, 1)))
+        tape.pull_back(work=np.ones(1))
