@@ -268,14 +268,14 @@ def test_robots_of_a_batch_are_on_grounds_of_their_own(friction):
 def test_firm_robots_whose_pivots_are_used_up_have_no_more_beside_one_on_sand():
     """Bodies of 80 points in f32, which do not converge in the rounds that there are: they go on as they do alone."""
     count, rng = 64, np.random.default_rng(3)
-    solids = [Box((0.1, 0.1, 0.1), (0.12 * i - 0.24, 0.12 * j - 0.12, 0)) for i in range(5) for j in range(2)]
+    solids = [Box((0.1, 0.1, 0.1), (0.12 * i - 0.24, 0.12 * j - 0.06, 0)) for i in range(5) for j in range(2)]
     trees = [Tree([Body("it", (0, 0, 0.2), 3.0, solids, np.diag([0.03, 0.05, 0.06]))])] * count
     orientation = rng.normal(size=(count, 4)) * [3, 1, 1, 1]
     orientation /= np.linalg.norm(orientation, axis=1, keepdims=True)
     thrown = {"orientation": orientation, "velocity": rng.normal(size=(count, 6))}
 
     def runs(grounds):
-        engine = RigidEngine(trees, Physics(5e-3, slip=1e-2), ground=grounds, precision="f32", threads=1)
+        engine = RigidEngine(trees, Physics(5e-3, friction=0.3, slip=1e-2), ground=grounds, precision="f32", threads=1)
         return engine.run(200, start=replace(engine.rest(), **thrown))
 
     alone, beside = runs([sand(None)] * count), runs([sand(None)] * (count - 1) + [sand(YIELD)])
