@@ -1,11 +1,13 @@
 """Rows of chapter 5 in the table of docs/reproduction.md."""
 
 import re
+from typing import Any
 
-from reproduction_rows import DOCS, PAGE, Row, band, percent, reproduced, summary
+from reproduction_rows import DOCS, Row, band, percent, reproduced, summary
 
 from optim.experiments.tables import select
 from optim.measures.statistics import mean_interval
+from optim.studies.chapter5.experiments import EXPERIMENTS
 from optim.studies.chapter5.metrics import STUDY as METRICS
 from optim.studies.chapter5.sensitivity import UNCHANGED, Sensitivity
 
@@ -116,46 +118,50 @@ def _hardware() -> list[Row]:
     return rows
 
 
+PUBLISHED_CLIMBERS, PUBLISHED_GENERATIONS = 60, 200
+EVALUATIONS = PUBLISHED_CLIMBERS * (PUBLISHED_GENERATIONS + 1)  # of a row on a terrain
+
+
 def searches() -> list[Row]:
-    """The table of searches, of which no data is kept, and what searches found on the hill."""
-    page, rows = PAGE.read_text(), list[Row]()
-    for free in ("orientation, shape, control", "shape, control", "control"):
-        (cells,) = re.findall(rf"^\| {free} \| (.*) \|$", page, re.M)
-        ours, published = _both(cells.split(" | ")[:4])
+    """The table of searches, and what searches found on the hill."""
+    found = summary("shape-change")
+    climbers, generations = found["settings"]["climbers"], found["settings"]["generations"]
+    made = climbers * (generations + 1)
+    about = {
+        "n": f"{climbers} climbers",
+        "share": f"{percent(made / EVALUATIONS)}: {made:,} of {EVALUATIONS:,} evaluations",
+        "command": f"{reproduced('shape-change')} --set climbers={climbers} --set generations=50",
+        "seeds": f"{found['settings']['seed']}",
+    }
+    searched = [row for row in found["rows"] if "climbers" in row and row["published"]]
+    budget = f"{climbers} of {PUBLISHED_CLIMBERS} climbers, {generations} of {PUBLISHED_GENERATIONS} generations"
+    rows = list[Row]()
+    for row in searched:
+        places = [place for place in ("flat", "hill") if f"{place}_mean" in row["published"]]
+        told = [f"{place}_{what}" for place in places for what in ("mean", "max")]
+        ours = [_with_band(found, row["row"], place, row) for place in places]
+        what = "; ".join(f"{place} mean, max" for place in places)
         rows.append(
             Row(
-                f"searches with {free} free: flat mean, max; hill mean, max [BL/s]",
-                published,
-                ours,
-                "60 climbers; no data is kept",
-                "1.0 %: 120 of 12,060 evaluations",
-                reproduced("shape-change", "medium"),
-                "1",
-                "one generation of 200; [more](#table-of-simulation-results)",
+                f"{_spoken(row['row'])}: {what} [BL/s]",
+                ", ".join(f"{row['published'][name]:.4f}" for name in told),
+                "; ".join(ours),
+                differs=f"{budget}; [more](#table-of-simulation-results)",
+                **about,
             )
         )
-    (cells,) = re.findall(r"^\| rolling on the hill, as run \| \| \| (.*) \| \| \|$", page, re.M)
-    ours, published = _both(cells.split(" | "))
-    rows.append(
-        Row(
-            "searches that begin rolling on the hill, as run: mean, max [BL/s]",
-            published,
-            ours,
-            "60 climbers; no data is kept",
-            "1.0 %: 120 of 12,060 evaluations",
-            reproduced("shape-change", "medium"),
-            "1",
-            "one generation of 200: ours are behind searches with all free, the published ones level with them",
-        )
-    )
     return rows + _on_the_hill()
 
 
-def _both(cells: list[str]) -> tuple[str, str]:
-    """Ours and published values of cells of the table of searches."""
-    found = [re.fullmatch(r"(\S+) \((\S+)\)", cell) for cell in cells]
-    ours, published = zip(*(each.groups() for each in found if each), strict=True)
-    return ", ".join(ours), ", ".join(published)
+def _spoken(row: str) -> str:
+    return row if row.startswith("rolling") else f"searches with {row} free"
+
+
+def _with_band(found: Any, row: str, place: str, values: Any) -> str:
+    """Mean of the climbers after the last generation, with its interval, and their best."""
+    (experiment,) = (each for each in EXPERIMENTS if each.row == row and each.place == place)
+    last = {name: curve[-1] for name, curve in found["curves"][experiment.name].items()}
+    return f"{band(last, 4)}, {values[f'{place}_max']:.4f}"
 
 
 def _on_the_hill() -> list[Row]:

@@ -11,11 +11,12 @@ from collections.abc import Sequence
 from string import ascii_lowercase
 
 from reproduction_learning import learning
-from reproduction_rows import PAGE, Row
+from reproduction_rows import PAGE, Row, data
 from reproduction_soft_robot import gaits, searches
 from reproduction_vehicles import interference, metrics, placement, proposals, rover
 
 BEGIN, END = "<!-- made by docs/site/reproduction_table.py -->\n", "<!-- end of what is made -->\n"
+OF_SEARCHES = "<!-- table.md of data/shape-change -->\n", "<!-- end of table.md -->\n"
 RESULTS = ("what", "published", "here", "n", "run", "what differs, and why")
 RUNS = ("run", "command", "seeds", "share of budget")
 
@@ -58,10 +59,20 @@ def _line(cells: Sequence[str]) -> str:
 
 def written(page: str) -> str:
     """A page whose tables are made anew; raises ValueError if its marks are not there once each."""
-    before, *rest = page.split(BEGIN)
-    if len(rest) != 1 or len(after := rest[0].split(END)) != 2:
-        raise ValueError(f"{PAGE}: it does not have {BEGIN.strip()} and {END.strip()}, once each, in this order")
-    return f"{before}{BEGIN}\n{tables()}\n{END}{after[1]}"
+    return _put(_put(page, BEGIN, END, tables()), *OF_SEARCHES, _searches())
+
+
+def _put(page: str, begin: str, end: str, made: str) -> str:
+    before, *rest = page.split(begin)
+    if len(rest) != 1 or len(after := rest[0].split(end)) != 2:
+        raise ValueError(f"{PAGE}: it does not have {begin.strip()} and {end.strip()}, once each, in this order")
+    return f"{before}{begin}\n{made}\n{end}{after[1]}"
+
+
+def _searches() -> str:
+    """The table of simulation results of chapter 5, and its tests, as the study writes them."""
+    table = data("shape-change").path("table.md").read_text()
+    return table[table.index("| ") :]
 
 
 if __name__ == "__main__":

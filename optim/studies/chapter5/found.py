@@ -17,7 +17,7 @@ from taichi_sim.base.arrays import Floats
 
 SPEEDS = "speeds.csv"
 NAMES = {experiment.name for experiment in EXPERIMENTS}
-COLUMNS = {"experiment": str, "generation": int, "evaluations": int, "climber": int, "speed": float | None}
+COLUMNS = {"experiment": str, "generation": int, "climber": int, "speed": float | None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ def read(settings: ShapeChange, folder: Path) -> dict[str, Found]:
 def write_speeds(found: Mapping[str, Found], path: Path) -> None:
     """Write a row for each climber after each generation: its best speed, empty while all its designs have failed."""
     rows = [
-        (name, generation, one.evaluations * (generation + 1) // len(one.scores), climber, speed)
+        (name, generation, climber, speed)
         for name, one in found.items()
         for generation, speeds in enumerate(one.scores)
         for climber, speed in enumerate(np.where(np.isnan(speeds), None, speeds))
@@ -67,7 +67,7 @@ def write_speeds(found: Mapping[str, Found], path: Path) -> None:
 
 def read_speeds(data: Data, climbers: int) -> dict[str, Found]:
     """Read what :func:`write_speeds` wrote, without the designs; raises ValueError for what it cannot have written."""
-    rows = data.records(SPEEDS, COLUMNS)
+    rows = data.records(SPEEDS, COLUMNS, finite=("speed",))
     path = data.path(SPEEDS)
     found = {}
     for name, each in groupby(rows, itemgetter("experiment")):
@@ -77,5 +77,5 @@ def read_speeds(data: Data, climbers: int) -> dict[str, Found]:
         if name in found or name not in NAMES or climbing or order != list(np.ndindex(generations, climbers)):
             raise ValueError(f"{path}: its rows of {name} are not those of {climbers} climbers by generation")
         speeds = np.array([row["speed"] for row in of_experiment], float)
-        found[name] = Found(speeds.reshape(generations, climbers), (), of_experiment[-1]["evaluations"])
+        found[name] = Found(speeds.reshape(generations, climbers), (), generations * climbers)
     return found
