@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.delegation import delegating
+from robots.free import Free
 from robots.kind import OWN_MEASURES_FIELD
 from robots.robot import Facts, Outcome, Parameter, Robot, RobotKind, Trial, World
 from taichi_sim.base.arrays import Floats
@@ -60,7 +61,8 @@ def freed(robot: Robot, options: Mapping[str, Any]) -> Robot:
     """Return a robot from a run with other values of its kind's options, some of which free more of it.
 
     Raises:
-        ValueError: for other options than ``Robot.changed`` takes, and where a parameter would be lost.
+        ValueError: for other options than ``Robot.changed`` takes, and for those that would change what is fixed of the
+            robot, or lose a parameter.
     """
     if isinstance(robot, PartlyFixed):
         return PartlyFixed(freed(robot.robot, options), robot.held)
@@ -68,11 +70,26 @@ def freed(robot: Robot, options: Mapping[str, Any]) -> Robot:
     more: Any = robot.changed({name: value for name, value in options.items() if name not in free})
     if free:
         several = (name for name in free if isinstance(free[name], list | tuple))
-        more = dataclasses.replace(more, **{**free, **{name: joined(name, free[name]) for name in several}})
+        free |= {name: joined(name, free[name]) for name in several}
+        for name, value in free.items():
+            _check_freed(name, getattr(robot, name), value)
+        more = dataclasses.replace(more, **free)
     names = {parameter.name for parameter in more.parameters}
     if lost := [parameter.name for parameter in robot.parameters if parameter.name not in names]:
         raise ValueError(f"{' and '.join(free)}: {lost[0]}, which the run searches, is not free; keep it free, too")
     return more
+
+
+def _check_freed(option: str, before: Any, now: Any) -> None:
+    """Refuse an option that changes what a robot from a run has, and frees nothing more."""
+    if not isinstance(before, Mapping):
+        if before is not None and before != now:
+            raise ValueError(f"{option}: the run has its own; leave it out")
+        return
+    for name, value in before.items():
+        if name not in now or (now[name] != value and not isinstance(now[name], Free)):
+            told = f"{value:g}" if isinstance(value, float | int) else f"{value.low:g}:{value.high:g}"
+            raise ValueError(f"{option}: the run has {name}={told}; give that, too, or free it")
 
 
 def held_as(robot: Robot, other: Robot) -> Robot:

@@ -33,7 +33,7 @@ def run_parallel(
     Raises:
         ValueError: for fewer than one job.
         RuntimeError: if a process ended before its task did.
-        Exception: that a task raised. In any case, and after Ctrl-C, the other processes end at once.
+        Exception: that a task raised, or KeyboardInterrupt. In any case the other processes end at once.
     """
     whole_number("jobs", jobs, 1)
     if jobs == 1:

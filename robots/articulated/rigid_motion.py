@@ -13,7 +13,8 @@ from taichi_sim.rigid import RigidResult, Tree, poses
 if TYPE_CHECKING:
     from robots.articulated.robot import ArticulatedRobot
 
-ENDED = "position", "orientation", "angles", "work"  # what is known of a run: of bases, of hinges, and of drives
+POSE = "position", "orientation", "angles"  # of bases and of hinges at the end of a run
+ENDED = *POSE, "work"  # what is known of a run
 
 
 @dataclass(frozen=True, eq=False)

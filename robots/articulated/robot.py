@@ -42,6 +42,7 @@ MEASURES = (
     Measure("distance", "m", "distance along its heading"),
     Measure("energy", "J", "work of its drives"),
 )
+NEWEST = "energy"  # own measures of earlier versions may be called so, and then stand in its place
 READING = tuple(Reading.__annotations__)  # settings that say how the file is read
 STEADY = 16  # commands of a cycle at least, with which coupled oscillators are stable
 
@@ -130,7 +131,7 @@ class ArticulatedRobot(Robot):
             checks.number("command_rate", self.command_rate, 1e-3, unit="Hz")
         checks.flag("fixed", self.fixed)
         checks.whole_number("seed", self.seed, 0)
-        names = [measure.name for measure in MEASURES]
+        names = [measure.name for measure in MEASURES if measure.name != NEWEST]
         object.__setattr__(self, "own_measures", checked_own_measures(self.own_measures, names))
         if self.quickest <= self.slowest:
             raise ValueError(f"quickest: {self.quickest:g} Hz is not allowed; give more than slowest, {self.slowest:g}")
@@ -269,7 +270,8 @@ class ArticulatedRobot(Robot):
     @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
         """Measures of the robot: speed, distance, the work of its drives, and users' own measures."""
-        return *MEASURES, *self.own_measures
+        own = {measure.name for measure in self.own_measures}
+        return *(measure for measure in MEASURES if measure.name not in own), *self.own_measures
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the design of one point, without own measures, as a robot needs no package."""

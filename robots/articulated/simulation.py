@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from robots.articulated.centres import centres as centres
 from robots.articulated.centres import first_centre as first_centre
 from robots.articulated.reflexes import PARTS, ReflexLoop, Rhythms
-from robots.articulated.rigid_motion import ENDED, own_measure_values, slopes_of
+from robots.articulated.rigid_motion import ENDED, POSE, own_measure_values, slopes_of
 from robots.articulated.senses import Anatomy
 from robots.articulated.worlds import GROUND, check_gradients, length_of, physics_in, relief_under
 from robots.robot import Progress, Trial, World
@@ -206,11 +206,11 @@ def _each_tree(trees: Sequence[Tree], run: RigidResult) -> list[tuple[Tree, Rigi
 
 def _measure_values(robot: "ArticulatedRobot", name: str, trees: Sequence[Tree], run: RigidResult) -> Floats:
     """The distance, the energy, or a user's own measure, of what robots with some trees came to, (B,)."""
-    if name == "energy":
-        return run.work  # whatever the trees mean at the end
     own = next((each for each in robot.own_measures if each.name == name), None)
     if own is not None:
         return np.concatenate([own_measure_values(robot, own, end, tree) for tree, end in _each_tree(trees, run)])
+    if name == "energy":
+        return run.work  # whatever the trees mean at the end
     ways = [_centre(tree, end) - first_centre(tree) for tree, end in _each_tree(trees, run)]
     return along(np.concatenate(ways), robot.direction)
 
@@ -221,15 +221,15 @@ def _centre(tree: Tree, run: RigidResult) -> Floats:
 
 def _end_slopes(robot: "ArticulatedRobot", name: str, result: RigidResult, trees: Sequence[Tree]) -> dict[str, Floats]:
     """Derivatives of a measure by places, orientations and angles at the end, and by the work of drives."""
-    if name == "energy":
-        return {"work": np.ones(len(result.work))}
     found = []
     own = next((each for each in robot.own_measures if each.name == name), None)
+    if own is None and name == "energy":
+        return {"work": np.ones(len(result.work))}
     for tree, end in _each_tree(trees, result):
         if own is not None:
             found.append(slopes_of(robot, own, end, tree))
         else:
-            found.append(dict(zip(ENDED, centre_slopes(tree, end, robot.direction), strict=False)))
+            found.append(dict(zip(POSE, centre_slopes(tree, end, robot.direction), strict=True)))
     return {each: np.concatenate([one[each] for one in found]) for each in found[0]}
 
 

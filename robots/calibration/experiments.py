@@ -148,7 +148,7 @@ class Gait:
         at: times since the gait began [s]; infinity is its end, whenever that is.
         values: distances along the direction of travel [m]; with ``mean_speed`` those by the time [m/s].
         design: pressure, orientation and gait.
-        name: of the gait, for people.
+        name: of the gait, for people; in files of measurements a known gait, or the file of one.
         terrain: that it is on; friction is that of the properties where it gives none.
         mean_speed: whether the values are mean speeds.
         deviations: standard deviations of the values, or None.

@@ -224,7 +224,7 @@ def write_measurements(
     weight: str = WEIGHTS[0],
     load_gait: LoadGait = load_gait,
 ) -> None:
-    """Write a file from which :func:`read_measurements` reads the same; gaits are referred to by name.
+    """Write a file from which :func:`read_measurements` reads the same, numbers to six digits; gaits by their names.
 
     Raises:
         ValueError: for gaits that are not those of their names, by ``load_gait``, with fewer columns or more repeats,
@@ -242,7 +242,7 @@ def write_measurements(
             kind, value = "diameter", f"{experiment.side}_mm"
         else:
             where = {**KIND.world_values(experiment.terrain), "terrain": f'"{experiment.terrain.name}"'}
-            lines = [f"gait = {json.dumps(experiment.name)}", *_as_named(experiment, load_gait)]
+            lines = [f"gait = {json.dumps(experiment.name, ensure_ascii=False)}", *_as_named(experiment, load_gait)]
             lines += [f"{name} = {list(v) if isinstance(v, tuple) else v}" for name, v in where.items()]
             lines += [_line("time_s", experiment.at)] if _timed(experiment) else []
             kind, value = "gait", "speed_mm_per_s" if experiment.mean_speed else "distance_mm"

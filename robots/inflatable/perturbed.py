@@ -10,7 +10,7 @@ import numpy as np
 from robots.inflatable.actuation import InflatableActuation
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.rubbing import Rubbing
-from robots.inflatable.schedule import BLADDERS, LONGEST_COLUMN
+from robots.inflatable.schedule import BLADDERS
 from robots.uncertainty import Perturbation
 from taichi_sim.base.arrays import Floats
 
@@ -32,9 +32,7 @@ def perturbed_design(design: InflatableDesign, drawn: Perturbation, least: float
         inflation = np.minimum(schedule.inflation * np.reshape(drawn.levels, (-1, 1)), 1.0)
         schedule = replace(schedule, levels=np.concatenate([inflation, schedule.grip]), skip_idle=False)
     if drawn.timing != 1:
-        given = {name: getattr(schedule, name) for name in ("motion_steps", "settle_steps")}
-        steps = {name: np.rint(own * drawn.timing) for name, own in given.items() if own is not None}
-        schedule = replace(schedule, **{name: np.minimum(own, LONGEST_COLUMN) for name, own in steps.items()})
+        schedule = schedule.in_steps_of(1 / drawn.timing)
     return design if schedule is design.schedule else replace(design, schedule=schedule)
 
 

@@ -170,10 +170,15 @@ class GaitSchedule:
         return replace(self, **tables, repeats=self.repeats if repeats is None else repeats)
 
     def in_steps_of(self, ratio: float) -> Self:
-        """Return the schedule whose own times, if any, are as long in steps that are ``ratio`` times as long."""
+        """Return the schedule for time steps ``ratio`` times as long: its own times stay the same in seconds.
+
+        They are rounded to steps, and to the longest that a column may have.
+        """
+        if ratio == 1:
+            return self
         given = {name: getattr(self, name) for name in ("motion_steps", "settle_steps")}
-        steps = {name: np.rint(times / ratio).astype(int) for name, times in given.items() if times is not None}
-        return self if ratio == 1 else replace(self, **steps)
+        steps = {name: np.rint(times / ratio) for name, times in given.items() if times is not None}
+        return replace(self, **{name: np.minimum(times, LONGEST_COLUMN) for name, times in steps.items()})
 
     def project(self, threshold: float = 0.5) -> Self:
         """Round to an on/off schedule, which is on where the levels are at or above the threshold.

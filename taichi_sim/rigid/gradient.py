@@ -147,7 +147,7 @@ class RigidTape:
             raise ValueError("work: integration 'velocity' counts none; take 'momentum'")
         seeds = np.zeros((int(self._run.plan[slots.SLOTS]), batch))
         given = {"position": position, "orientation": orientation, "readings": readings, "angles": angles}
-        given["work"] = None if work is None else np.reshape(work, (-1, 1))
+        given["work"] = None if work is None else np.asarray(work, float)[..., None]
         for name, value in given.items():
             places = places_of[name]
             if value is not None:

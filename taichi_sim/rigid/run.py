@@ -21,7 +21,7 @@ from taichi_sim.runtime import GRAIN
 from taichi_sim.store import EVERY, Store
 
 Given = Mapping[str, Floats]
-HAIR = {"f64": 1e-12, "f32": 2e-6}  # of a robot's reach: well above what is rounded
+TOUCH_TOLERANCE = {"f64": 1e-12, "f32": 2e-6}  # of a robot's reach: well above what is rounded
 WEIGHTS = 100.0  # 1/(N s), of what weight does in a step: a part of the tolerance, up to all of it
 
 
@@ -77,7 +77,7 @@ class Run:
             slots.LIGHT: given["lights"],
             slots.SLIP_STRENGTH: _rows(self._of_masses(self.world.slip_strength), robots),
             slots.IMPULSE_TOLERANCE: _rows(self._of_masses(self._impulse_tolerance), robots),
-            slots.HAIR: _rows(np.array([self._hair(tree) for tree in self.trees]), robots),
+            slots.TOUCH_TOLERANCE: _rows(np.array([self._touch_tolerance(tree) for tree in self.trees]), robots),
             **{self.plan[section]: _rows(values, robots) for section, values in self.numbers.items()},
             self.plan[slots.WEIGHT]: given["weights"],
             self.plan[slots.COMMAND]: given["commands"],
@@ -122,9 +122,9 @@ class Run:
         light = self.world.integration == "momentum" and mass > 0
         return tolerance * min(1.0, WEIGHTS * self.world.time_step * mass * EARTH) if light else tolerance
 
-    def _hair(self, tree: Tree) -> float:
+    def _touch_tolerance(self, tree: Tree) -> float:
         """How high above the ground points of a robot may be that still touch it [m]; none in the studies' engine."""
-        return HAIR[self.real.precision] * tree.reach if self.world.integration == "momentum" else 0.0
+        return TOUCH_TOLERANCE[self.real.precision] * tree.reach if self.world.integration == "momentum" else 0.0
 
     def _carried(self, robots: Ints, given: Given) -> tuple[Floats, Floats, Floats]:
         """Arrays (B, bodies, ...): what bodies carry (momenta or velocities), their places and their velocities."""

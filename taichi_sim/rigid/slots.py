@@ -28,7 +28,7 @@ TOLERANCE, GRAVITY = range(10, 12)
 # how high above the ground a point may be that still touches it; the work of all drives so far.
 POSITION, ORIENTATION, LIGHT, POSE_WIDTH = 0, 3, 7, 7
 CLOSEST, DIVERGED, RESIDUAL = 10, 11, 12
-ROOT, ROOT_RIGHT, SLIP_STRENGTH, IMPULSE_TOLERANCE, HAIR, WORK, HEAD = 13, 34, 40, 41, 42, 43, 44
+ROOT, ROOT_RIGHT, SLIP_STRENGTH, IMPULSE_TOLERANCE, TOUCH_TOLERANCE, WORK, HEAD = 13, 34, 40, 41, 42, 43, 44
 
 # Of a body. State: what it carries from step to step (angular, then linear), its own position, its hinge: angle, modes
 # of its row and ways in which its friction lets it turn in each phase (1 or -1; 0 where it holds), rate.

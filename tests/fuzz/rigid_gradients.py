@@ -32,7 +32,7 @@ def make_smooth_case(number: int) -> RigidCase:
 
 
 class Cost:
-    """A random smooth function of where a robot ends, how it is turned and bent, and of its readings of light."""
+    """A random smooth function of where a robot ends, how it is turned and bent, what it sees, and its work."""
 
     def __init__(self, case: RigidCase) -> None:
         """Draw it."""
@@ -40,16 +40,18 @@ class Cost:
         sizes = {"position": 3, "orientation": 4, "angles": len(tree.hinges), "readings": senses.count}
         self.weights = {name: rng.normal(size=size) for name, size in sizes.items()}
         self.weights["readings"][: len(senses.touch)] = 0.0  # which have no derivatives
+        self.of_work = rng.normal() if case.options["world"].integration == "momentum" else 0.0  # else none is counted
 
     def of(self, result: RigidResult) -> np.ndarray:
         """Its value for every robot; NaN for those that diverged."""
         values = [np.sin(getattr(result, name) * weight).sum(axis=1) for name, weight in self.weights.items()]
         found: np.ndarray = np.sum(values, axis=0)
-        return found
+        return found + self.of_work * np.log1p(result.work) if self.of_work else found
 
     def slopes(self, result: RigidResult) -> dict[str, np.ndarray]:
         """What a tape pulls back."""
-        return {name: weight * np.cos(getattr(result, name) * weight) for name, weight in self.weights.items()}
+        found = {name: weight * np.cos(getattr(result, name) * weight) for name, weight in self.weights.items()}
+        return {**found, **({"work": self.of_work / (1 + result.work)} if self.of_work else {})}
 
 
 def gradient_of(case: RigidCase, cost: Cost, width: int | None = None) -> tuple[RigidResult, RigidGradient]:

@@ -113,7 +113,7 @@ class Pool(Generic[W]):
         """Receive the answer of a worker.
 
         Raises:
-            Exception: that the problem raised in the worker.
+            Exception: that the problem raised in the worker; KeyboardInterrupt as well.
         """
         part = self._busy.pop(worker)
         try:

@@ -28,7 +28,7 @@ class Raised:
 
     @classmethod
     def by_users_code(cls, raised: BaseException) -> "Raised":
-        """What users' code has raised in a worker; Ctrl-C is its parent's, so that an interrupt is of the code, too."""
+        """What users' code has raised in a worker. Workers ignore Ctrl-C: the code raised interrupts, too."""
         if isinstance(raised, KeyboardInterrupt):
             return cls(KeyboardInterrupt())
         return cls(portable(failure_of(raised)))

@@ -48,7 +48,7 @@ from taichi_sim.rigid.stages.motion import common_motion
 from taichi_sim.rigid.stages.rows import row_impulse
 from taichi_sim.rigid.stages.spatial import Reals
 from taichi_sim.rigid.stages.water import undo_immerse
-from taichi_sim.rigid.stages.work import drive_level, undo_work
+from taichi_sim.rigid.stages.work import drive_level, friction_way, undo_work
 from taichi_sim.runtime import ti
 
 # Pieces of ``body_slots``, ``moving_slots`` and ``hinge_slots`` whose cotangents become those before the step.
@@ -128,7 +128,8 @@ def undo_move(robots: ti.template(), motion: ti.template(), cotangents: ti.templ
 def prepare_adjoint(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), rows):
     """The adjoint system: the step's own, for cotangents instead of momenta.
 
-    Its targets are zero, but of motors that hold their rate: theirs are minus the cotangents of their impulses.
+    Its rates are zero where the step's are given. Where that is for a motor, whose impulse is then a result of the
+    step, they are minus the cotangent of that impulse: the row of the solution's derivative by it.
     """
     for slot in range(robots.plan[slots.READING]):
         write(motion, slot, read(robots, slot))
@@ -140,9 +141,10 @@ def prepare_adjoint(robots: ti.template(), motion: ti.template(), cotangents: ti
         write(motion, body + slots.PUSH, read(cotangents, body + slots.RATE))
         spent, level = read(cotangents, body + slots.TARGET), drive_level(robots, body, rows)
         holds = (level * level < 0.5) & (read(robots, body + slots.SERVO) < 0.0)
-        put(motion, body + slots.TARGET, (select(holds, zero - spent, zero),))
+        given = select(holds, zero - spent, zero)
+        put(motion, body + slots.TARGET, (given,))
         put(motion, body + slots.LOW, (zero, zero))
-        put(motion, body + slots.LEAST_RATE, (zero, zero))
+        put(motion, body + slots.LEAST_RATE, (given, given))
         write(motion, body + slots.RUBBING, zero)
     if ti.static(motion.granular):
         sand.forget_limits(motion)
@@ -240,12 +242,13 @@ def undo_command(robots: ti.template(), motion: ti.template(), cotangents: ti.te
             resisted = 0.0 - rate * read(robots, body + slots.RATE)
             of_servo = select(driven & by_law, resisted, none)
             spent, level = read(cotangents, body + slots.TARGET), drive_level(robots, body, rows)
+            of_rubbing = 0.0 - friction_way(robots, body, rows) * rate
             within = by_law & (level * level < 0.5)
             of_target = of_target + select(within, spent, none)
             of_servo = of_servo - select(within, spent * read(robots, body + slots.RATE), none)
             by_low, by_high = by_low + select(level < -0.5, spent, none), by_high + select(level > 0.5, spent, none)
             of_stops = ti.static((of_least, of_most))
-            seeds = ti.static((of_target, rate, by_low, by_high) + of_stops + (resisted, of_servo, 0.0 - way * rate))
+            seeds = ti.static((of_target, rate, by_low, by_high) + of_stops + (resisted, of_servo, of_rubbing))
             pieces = ti.static(hinge_slots(robots, b))
             inputs = ti.static(gather(robots, pieces) + (commanded(robots, b),))
             to = ti.static(pull_back(laws.hinge_row, inputs, (h, push_out, robots.drifting), seeds))

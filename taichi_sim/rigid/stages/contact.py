@@ -45,8 +45,8 @@ def find_ground(robots: ti.template(), x, y, z, radius):
 
 @ti.func
 def at_ground(robots: ti.template(), depth):
-    """Whether a point so deep in the ground touches it, or is a hair above: rounding must not decide who stands."""
-    return depth >= 0.0 - read(robots, slots.HAIR)
+    """Whether a point so deep in the ground touches it, or is above it by rounding only, which must not decide."""
+    return depth >= 0.0 - read(robots, slots.TOUCH_TOLERANCE)
 
 
 @ti.func

@@ -9,31 +9,42 @@ from taichi_sim.runtime import ti
 
 
 @ti.func
-def drive_level(robots: ti.template(), body, rows):
-    """Whether a drive has its largest impulse (1 or -1), or less than that (0), which then follows from its row.
+def friction_way(robots: ti.template(), body, rows):
+    """The way that a hinge turns, against which its friction acts: 1 or -1, or 0 where it holds."""
+    mode, rate = read(robots, body + slots.MODES + rows), read(robots, body + slots.RATE)
+    none = 0.0 * mode
+    of_rate = select(rate > 0.0, none + 1.0, select(rate < 0.0, none - 1.0, none))
+    return select((mode > 1.5) | (mode < -1.5), of_rate, read(robots, body + slots.WAYS + rows))
 
-    At a stop a servo has what its law says. A motor that wants to turn past a stop pushes there with all its torque.
+
+@ti.func
+def wanted_impulse(robots: ti.template(), body, rows):
+    """Impulse of a drive without bounds: of a servo by its law, of a motor that holds its rate what that takes."""
+    servo, rate = read(robots, body + slots.SERVO), read(robots, body + slots.RATE)
+    held = row_impulse(robots, body) + friction_way(robots, body, rows) * read(robots, body + slots.RUBBING)
+    return select(servo >= 0.0, read(robots, body + slots.TARGET) - servo * rate, held)
+
+
+@ti.func
+def drive_level(robots: ti.template(), body, rows):
+    """Whether a drive has its largest impulse (1 or -1), or the one that it wants (0).
+
+    Where a hinge is at a stop, the stop has what is beyond the bounds of the drive.
     """
-    mode, none = read(robots, body + slots.MODES + rows), 0.0 * read(robots, body + slots.RATE)
-    servo, target = read(robots, body + slots.SERVO), read(robots, body + slots.TARGET)
-    law = target - servo * read(robots, body + slots.RATE)
-    above, below = law > read(robots, body + slots.HIGH), law < read(robots, body + slots.LOW)
-    by_law = select(above, none + 1.0, select(below, none - 1.0, none))
-    level = select(mode > 0.5, none + 1.0, select(mode < -0.5, none - 1.0, none))
-    at_stop, at_bound = (mode > 1.5) | (mode < -1.5), (level * level > 0.5) & (mode * mode < 2.0)
-    past = select(target <= read(robots, body + slots.LEAST_RATE), none - 1.0, level)
-    past = select(target >= read(robots, body + slots.MOST_RATE), none + 1.0, past)
-    return select(servo >= 0.0, select(at_stop, by_law, level), select(at_bound, level, past))
+    mode, wanted = read(robots, body + slots.MODES + rows), wanted_impulse(robots, body, rows)
+    none = 0.0 * mode
+    at_stop = (mode > 1.5) | (mode < -1.5)
+    above, below = wanted > read(robots, body + slots.HIGH), wanted < read(robots, body + slots.LOW)
+    of_stop = select(above, none + 1.0, select(below, none - 1.0, none))
+    of_drive = select(mode > 0.5, none + 1.0, select(mode < -0.5, none - 1.0, none))
+    return select(at_stop, of_stop, of_drive)
 
 
 @ti.func
 def drive_impulse(robots: ti.template(), body, rows, level):
     """Impulse of a drive in a step, without what its hinge's stops, spring, damper and friction have [N m s]."""
-    servo, rate = read(robots, body + slots.SERVO), read(robots, body + slots.RATE)
-    law = read(robots, body + slots.TARGET) - servo * rate
-    held = row_impulse(robots, body) + read(robots, body + slots.WAYS + rows) * read(robots, body + slots.RUBBING)
     bound = select(level > 0.5, read(robots, body + slots.HIGH), read(robots, body + slots.LOW))
-    return select(level * level > 0.5, bound, select(servo >= 0.0, law, held))
+    return select(level * level > 0.5, bound, wanted_impulse(robots, body, rows))
 
 
 @ti.func

@@ -221,9 +221,28 @@ def test_more_of_a_run_is_free_where_options_say_so_while_its_gait_is_held(crawl
     assert code == 0, error
     again = line.replace("front", "rear").replace("gait", "body").replace("'*'", "rear_stiffness")
     code, _, error = morpholab(f"{again} --generations 0 --out new")
-    assert code == 2 and ": front_size, which the run searches, is not free; keep it free, too" in error
+    assert code == 2 and "error: body_sizes: the run has front=0.5:2; give that, too, or free it" in error
     again = again.replace("--hinge", "--body-sizes front=0.5:2 --hinge")
     code, _, error = morpholab(f"{again} --generations 0 --out new")
     assert code == 0, error
     problem = problem_of_run(crawler / "new", read_config(crawler / "new"))
     assert set(problem.space.names) == {"front_size", "rear_size"}
+
+
+@pytest.mark.kernels
+def test_what_a_run_has_fixed_stays_so_where_more_is_free(crawler, morpholab):
+    """Its front was back at size 1, and weights of one sense became those of another, without a word."""
+    body = "--robot crawler.xml --duration 0.3 --body-sizes front=1.5 --reflexes touch"
+    assert morpholab(f"codesign {body} {FEW} --generations 0 --out gait")[0] == 0
+    line = f"codesign --robot gait --hold frequency {FEW} --generations 0 --out new"
+    for more, message in (
+        ("--body-sizes rear=0.5:2", "body_sizes: the run has front=1.5; give that, too, or free it"),
+        ("--body-sizes front=2 --body-sizes rear", "body_sizes: the run has front=1.5; give that, too, or free it"),
+        ("--reflexes tilt", "reflexes: the run has its own; leave it out"),
+    ):
+        code, _, error = morpholab(f"{line} {more}")
+        assert code == 2 and f"error: {message}" in error and not (crawler / "new").exists(), more
+    code, _, error = morpholab(f"{line} --body-sizes front=1.5 --body-sizes rear=0.5:2 --reflexes touch")
+    assert code == 0, error
+    robot = problem_of_run(crawler / "new", read_config(crawler / "new")).offered.robot
+    assert robot.body_sizes["front"] == 1.5 and robot.parameters[-1].name == "rear_size"

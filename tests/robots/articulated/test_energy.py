@@ -78,6 +78,7 @@ def test_energy_in_the_air_is_that_of_mujoco():
         ({"text": WEAK, **IDEAL}, "rough:0.02"),
         ({"text": RUBS, **IDEAL}, None),
         ({"text": STOPPED, **IDEAL}, "sand:2e4"),
+        ({"text": RUBS.replace('"-60 60"', '"-12 12"'), **IDEAL}, None),
         ({"reflexes": SENSES}, None),
         ({"controller": "network", "light": (2.0, 0.0, 0.0), **IDEAL}, None),
         ({"body_sizes": {"front": Free(0.5, 2.0)}, "hinge_stiffness": {"rear": Free(0.5, 2.0)}}, None),
@@ -131,3 +132,13 @@ def test_a_measure_of_ones_own_may_have_the_energy():
         robot.simulate(points + side * 1e-6 * direction, world, compute=compute).measures["cost"] for side in (1, -1)
     )
     assert outcome.gradients["cost"] @ direction == pytest.approx((ahead - behind) / 2e-6, rel=2e-5)
+
+
+def test_a_measure_of_ones_own_may_be_called_energy_as_those_of_older_runs_are():
+    robot = robot_of(own_measures=(OwnMeasure("energy", law=lambda motion: 2.0 * motion.energy),))
+    points = some_points(robot, 2)
+    assert [measure.name for measure in robot.measures] == ["speed", "distance", "energy"]
+    found = robot.differentiate(points, robot.worlds[0], measures=["energy"], compute=Compute.given(HERE))
+    plain = robot_of().differentiate(points, robot.worlds[0], measures=["energy"], compute=Compute.given(HERE))
+    assert found.measures["energy"] == pytest.approx(2 * plain.measures["energy"])
+    assert found.gradients["energy"] == pytest.approx(2 * plain.gradients["energy"])

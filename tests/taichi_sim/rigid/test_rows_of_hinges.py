@@ -45,12 +45,16 @@ class Case:
         hinge = Hinge("base", "flywheel", (0, 0, 0), (0, 1, 0), self.drive, 0, self.stops, passive=self.passive)
         return Tree((BASE, flywheel), (hinge,), fixed=True)
 
-    def pull(self, rate, side, step):
-        """Impulse of all that acts, less what the rate needs; ``side`` says how it is where it jumps."""
+    def beside_drive(self, rate, side, step):
+        """Impulse of all that acts but the drive, less what the rate needs."""
         by, lacking = self.passive, self.angle - self.passive.spring_rest
         inertia = self.inertia + by.rotor_inertia + 0.25 * step * step * by.stiffness
         found = inertia * (self.rate - rate) - step * (by.damping * rate + by.stiffness * lacking)
-        found -= step * by.friction * (np.sign(rate) or side)
+        return found - step * by.friction * (np.sign(rate) or side)
+
+    def pull(self, rate, side, step):
+        """Impulse of all that acts, less what the rate needs; ``side`` says how it is where it jumps."""
+        found = self.beside_drive(rate, side, step)
         if self.drive is None:
             return found
         asked = self.drive.by_command + self.drive.by_angle * self.angle + self.drive.offset
@@ -66,12 +70,8 @@ class Case:
         if self.drive is None:
             return 0.0
         asked = self.drive.by_command + self.drive.by_angle * self.angle + self.drive.offset
-        if isinstance(self.drive, Motor):
-            limit = np.inf if self.drive.fastest is None else self.drive.fastest
-            lacking = np.clip(asked, -limit, limit) - rate
-            push = step * self.drive.torque * np.sign(lacking)
-            if abs(lacking) < 1e-9 * max(1.0, abs(rate)):  # it holds its rate, with what that takes
-                push = -0.5 * (self.pull(rate, -1.0, step) + self.pull(rate, 1.0, step))
+        if isinstance(self.drive, Motor):  # what the rate needs, as far as it goes
+            push = np.clip(-self.beside_drive(rate, 0.0, step), -step * self.drive.torque, step * self.drive.torque)
         else:
             gained = -0.25 * step * step * self.drive.by_angle
             limit = np.inf if self.drive.torque is None else step * self.drive.torque
@@ -125,6 +125,15 @@ def test_the_rate_after_a_step_is_the_only_one_at_which_all_impulses_balance(dri
     sizes = np.array([case.inertia * (1 + rate * rate) for case, rate in zip(cases, found, strict=True)])
     assert run.work / sizes == pytest.approx(work / sizes, rel=1e-5, abs=1e-6)
     assert drive is None or (run.work > 0).sum() > 300
+
+
+def test_a_motor_does_no_work_on_a_stop_however_strong_it_is():
+    """It turned towards its stop at 5 rad/s, and reaches it within a step."""
+    flywheel = Body("flywheel", (0.0, 0.0, 0.0), 1.0, inertia=0.01 * np.eye(3))
+    hinges = [Hinge("base", "flywheel", (0, 0, 0), (0, 1, 0), Motor(t, 5.0), 0, (-1, 0.305)) for t in (1e2, 1e3, 1e4)]
+    trees = [Tree((BASE, flywheel), (hinge,), fixed=True) for hinge in hinges]
+    run = RigidEngine(trees, Physics(2e-3, gravity=0.0), threads=1).run(60, commands=ONE)
+    assert run.angles == pytest.approx(0.305) and run.work == pytest.approx(0.01 * 5**2)  # of the first step
 
 
 def test_the_studies_integration_counts_no_work():
