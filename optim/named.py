@@ -133,6 +133,11 @@ def held_of_run(
     robot, names = freed(found, given), names_matching(found, patterns)
     point = dict(zip((parameter.name for parameter in robot.parameters), robot.start, strict=True))
     point |= dict(zip((parameter.name for parameter in found.parameters), found.points(best)[0], strict=True))
+    for parameter in robot.parameters:
+        within = parameter.kind == "angle" or parameter.low <= point[parameter.name] <= parameter.high
+        if parameter.name in names and not within:
+            told = f"{point[parameter.name]:.6g}, beyond {parameter.low:g} to {parameter.high:g}"
+            raise ValueError(f"hold: {parameter.name} of {history.path} is {told}; give a range that has it")
     return held_at(robot, list(point.values()), names), tuple(kind.present_world(world) for world in worlds)
 
 

@@ -117,6 +117,8 @@ class Variants:
         try:
             check_start(self.tree_of(values))
         except ValueError as error:
+            if not self.sizes.given:
+                raise
             sizes = self.sizes.settled(self.split(values)[0])
             named = ", ".join(f"{name}={size:g}" for name, size in sizes.items())
             raise ValueError(f"{SIZES.field}: with {named} {str(error).partition(': ')[2]}") from None

@@ -224,7 +224,9 @@ def write_measurements(
     weight: str = WEIGHTS[0],
     load_gait: LoadGait = load_gait,
 ) -> None:
-    """Write a file from which :func:`read_measurements` reads the same, numbers to six digits; gaits by their names.
+    """Write a file from which :func:`read_measurements` reads the same, numbers to six digits.
+
+    Drags come first, then diameters, then gaits, by their names.
 
     Raises:
         ValueError: for gaits that are not those of their names, by ``load_gait``, with fewer columns or more repeats,

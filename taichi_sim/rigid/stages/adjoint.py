@@ -253,6 +253,7 @@ def undo_command(robots: ti.template(), motion: ti.template(), cotangents: ti.te
             inputs = ti.static(gather(robots, pieces) + (commanded(robots, b),))
             to = ti.static(pull_back(laws.hinge_row, inputs, (h, push_out, robots.drifting), seeds))
             scatter(cotangents, pieces, to[:15], (LAST_RATE,))
+            add_one(cotangents, body + slots.LAST_RATE, read(cotangents, body + slots.SERVO))
             if motor >= 0:
                 add_one(cotangents, robots.plan[slots.NEURON] + motor, to[15])
 

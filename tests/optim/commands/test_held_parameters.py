@@ -242,6 +242,14 @@ def test_what_a_run_has_fixed_stays_so_where_more_is_free(crawler, morpholab):
     ):
         code, _, error = morpholab(f"{line} {more}")
         assert code == 2 and f"error: {message}" in error and not (crawler / "new").exists(), more
+    assert morpholab(f"codesign {BODY} {FEW} --generations 0 --out body")[0] == 0
+    narrow = (
+        f"codesign --robot body --hold '*' --body-sizes front=2.5:3 --body-sizes rear {FEW} --generations 0 --out new"
+    )
+    code, _, error = morpholab(narrow)
+    assert (
+        code == 2 and "error: hold: front_size of body is " in error and "beyond 2.5 to 3; give a range that" in error
+    )
     code, _, error = morpholab(f"{line} --body-sizes front=1.5 --body-sizes rear=0.5:2 --reflexes touch")
     assert code == 0, error
     robot = problem_of_run(crawler / "new", read_config(crawler / "new")).offered.robot

@@ -47,7 +47,7 @@ def test_energy_is_the_work_of_torques_in_the_way_that_hinges_turn():
         wanted = 0.8 * np.repeat(rhythm(robot, points).transpose(1, 0, 2), robot.hold, axis=0)[: len(rates)]
         gained = 0.25 * step * step * 30
         push = step * 30 * (wanted - angles[:-1]) + gained * (before - rates)
-        work = np.maximum(0, np.clip(push, -step * limit, step * limit) * rates).sum((0, 2))
+        work = np.maximum(0, np.clip(push, -step * limit, step * limit) * (before + rates) / 2).sum((0, 2))
         assert found.energy == pytest.approx(work, rel=1e-6)
 
 
@@ -61,8 +61,9 @@ def test_energy_in_the_air_is_that_of_mujoco():
         data, work = mujoco.MjData(theirs), 0.0
         for step in range(robot.steps):
             data.ctrl[:] = 0.8 * commands[row, step // robot.hold]
+            before = data.qvel[6:].copy()
             mujoco.mj_step(theirs, data)
-            work += theirs.opt.timestep * np.maximum(0, data.actuator_force * data.qvel[6:]).sum()
+            work += theirs.opt.timestep * np.maximum(0, data.actuator_force * (before + data.qvel[6:]) / 2).sum()
         assert energy == pytest.approx(work, rel=0.02)
 
 

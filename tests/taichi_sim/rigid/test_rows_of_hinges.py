@@ -72,11 +72,13 @@ class Case:
         asked = self.drive.by_command + self.drive.by_angle * self.angle + self.drive.offset
         if isinstance(self.drive, Motor):  # what the rate needs, as far as it goes
             push = np.clip(-self.beside_drive(rate, 0.0, step), -step * self.drive.torque, step * self.drive.torque)
+            if rate == 0 and self.passive.friction and asked:  # held by friction
+                push = step * self.drive.torque * np.sign(asked)
         else:
             gained = -0.25 * step * step * self.drive.by_angle
             limit = np.inf if self.drive.torque is None else step * self.drive.torque
             push = np.clip(step * (asked - self.drive.by_rate * rate) + gained * (self.rate - rate), -limit, limit)
-        return max(0.0, push * rate)
+        return max(0.0, push * (self.rate + rate) / 2)
 
     def exact(self, step, return_rate):
         """The rate after a step, within what stops allow; the impulse falls as the rate grows."""
@@ -122,8 +124,9 @@ def test_the_rate_after_a_step_is_the_only_one_at_which_all_impulses_balance(dri
     assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
     assert np.mean(abs(found) < 1e-9) > 0.02 and len(np.unique(found.round(6))) > 600
     work = np.array([case.work(rate, step) for case, rate in zip(cases, found, strict=True)])
-    sizes = np.array([case.inertia * (1 + rate * rate) for case, rate in zip(cases, found, strict=True)])
-    assert run.work / sizes == pytest.approx(work / sizes, rel=1e-5, abs=1e-6)
+    sizes = np.array([c.inertia * (1 + c.rate**2 + rate * rate) for c, rate in zip(cases, found, strict=True)])
+    told = np.array([rate != 0 or c.angle not in (c.stops or ()) for c, rate in zip(cases, found, strict=True)])
+    assert (run.work / sizes)[told] == pytest.approx((work / sizes)[told], rel=1e-5, abs=1e-6)
     assert drive is None or (run.work > 0).sum() > 300
 
 
@@ -133,7 +136,9 @@ def test_a_motor_does_no_work_on_a_stop_however_strong_it_is():
     hinges = [Hinge("base", "flywheel", (0, 0, 0), (0, 1, 0), Motor(t, 5.0), 0, (-1, 0.305)) for t in (1e2, 1e3, 1e4)]
     trees = [Tree((BASE, flywheel), (hinge,), fixed=True) for hinge in hinges]
     run = RigidEngine(trees, Physics(2e-3, gravity=0.0), threads=1).run(60, commands=ONE)
-    assert run.angles == pytest.approx(0.305) and run.work == pytest.approx(0.01 * 5**2)  # of the first step
+    assert run.angles == pytest.approx(0.305) and run.work == pytest.approx(
+        0.01 * 5**2 / 2
+    )  # what it began to turn with
 
 
 def test_the_studies_integration_counts_no_work():
