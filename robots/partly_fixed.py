@@ -89,7 +89,7 @@ def _check_freed(option: str, before: Any, now: Any) -> None:
     for name, value in before.items():
         if name not in now or (now[name] != value and not isinstance(now[name], Free)):
             told = f"{value:g}" if isinstance(value, float | int) else f"{value.low:g}:{value.high:g}"
-            raise ValueError(f"{option}: the run has {name}={told}; give that, too, or free it")
+            raise ValueError(f"{option}: the run has {name}={told}; give that, too, or free it by this name")
 
 
 def held_as(robot: Robot, other: Robot) -> Robot:

@@ -3,8 +3,7 @@
     python docs/site/reproduction_table.py
 
 writes them anew into the page, between the two comments that mark them. A test holds the page against the data.
-Published values are the dissertation's; ours, n and intervals (95 %) are of the data. Where no data is kept, numbers
-are those of the page on which they were written down, and n says so.
+Published values are the dissertation's; ours, n and intervals (95 %) are of the data.
 """
 
 from collections.abc import Sequence
@@ -72,7 +71,7 @@ def _put(page: str, begin: str, end: str, made: str) -> str:
 def _searches() -> str:
     """The table of simulation results of chapter 5, and its tests, as the study writes them."""
     table = data("shape-change").path("table.md").read_text()
-    return table[table.index("| ") :]
+    return table
 
 
 if __name__ == "__main__":

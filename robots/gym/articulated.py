@@ -10,7 +10,7 @@ import numpy as np
 
 from robots.articulated.reflexes import changed_command
 from robots.articulated.rigid_motion import own_measure_values
-from robots.articulated.robot import NEWEST, ArticulatedRobot
+from robots.articulated.robot import ArticulatedRobot
 from robots.articulated.senses import SENSES, DriveReader
 from robots.articulated.simulation import anatomy_of, centres, engine_in, first_centre, rhythm
 from robots.articulated.worlds import on_ground
@@ -113,7 +113,7 @@ class Driven(Batch):
         if robot.controller != "rhythm":
             raise ValueError("robot: one with a network is not allowed, as actions are in its place; give a rhythm")
         for own in robot.own_measures:
-            if own.name in TOLD and own.name != NEWEST:
+            if own.name in TOLD:
                 raise ValueError(f"own_measures: {own.name} is not allowed in an environment, whose info has it")
         free = point[robot.rhythm_size :]
         if robot.reflexes is not None and np.any(free if robot.reflexes.weights is None else robot.reflexes.weights):

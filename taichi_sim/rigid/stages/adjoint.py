@@ -224,7 +224,10 @@ def undo_solve(robots: ti.template(), motion: ti.template(), cotangents: ti.temp
 
 @ti.func
 def undo_command(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), rows):
-    """Reverse ``command_hinges``: cotangents of angles, neurons, motors and stops."""
+    """Reverse ``command_hinges``: cotangents of angles, rates before the step, neurons, motors and stops.
+
+    Those that ``undo_work`` left, of impulses in ``TARGET`` and of rates before the step in ``SERVO``, are added.
+    """
     h, push_out = setting(robots, slots.TIME_STEP), setting(robots, slots.PUSH_OUT)
     for b in range(1, robots.plan[slots.BODIES]):
         if is_hinged(robots, b):

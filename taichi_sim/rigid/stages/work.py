@@ -55,7 +55,7 @@ def drive_impulse(robots: ti.template(), body, rows, level):
 
 @ti.func
 def mean_rate(robots: ti.template(), body):
-    """Rate of a hinge in the mean of a step, which times an impulse is its work, exactly."""
+    """Mean of the rates of a hinge before and after a step: times an impulse, it is what a flywheel gains."""
     return 0.5 * (read(robots, body + slots.LAST_RATE) + read(robots, body + slots.RATE))
 
 

@@ -221,7 +221,7 @@ def test_more_of_a_run_is_free_where_options_say_so_while_its_gait_is_held(crawl
     assert code == 0, error
     again = line.replace("front", "rear").replace("gait", "body").replace("'*'", "rear_stiffness")
     code, _, error = morpholab(f"{again} --generations 0 --out new")
-    assert code == 2 and "error: body_sizes: the run has front=0.5:2; give that, too, or free it" in error
+    assert code == 2 and "error: body_sizes: the run has front=0.5:2; give that, too, or free it by this name" in error
     again = again.replace("--hinge", "--body-sizes front=0.5:2 --hinge")
     code, _, error = morpholab(f"{again} --generations 0 --out new")
     assert code == 0, error
@@ -236,8 +236,11 @@ def test_what_a_run_has_fixed_stays_so_where_more_is_free(crawler, morpholab):
     assert morpholab(f"codesign {body} {FEW} --generations 0 --out gait")[0] == 0
     line = f"codesign --robot gait --hold frequency {FEW} --generations 0 --out new"
     for more, message in (
-        ("--body-sizes rear=0.5:2", "body_sizes: the run has front=1.5; give that, too, or free it"),
-        ("--body-sizes front=2 --body-sizes rear", "body_sizes: the run has front=1.5; give that, too, or free it"),
+        ("--body-sizes rear=0.5:2", "body_sizes: the run has front=1.5; give that, too, or free it by this name"),
+        (
+            "--body-sizes front=2 --body-sizes rear",
+            "body_sizes: the run has front=1.5; give that, too, or free it by this name",
+        ),
         ("--reflexes tilt", "reflexes: the run has its own; leave it out"),
     ):
         code, _, error = morpholab(f"{line} {more}")

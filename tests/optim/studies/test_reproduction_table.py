@@ -58,13 +58,6 @@ def test_a_result_names_its_run_in_the_table_below_it():
 
 
 @pytest.mark.long
-def test_what_has_no_data_has_none():
-    """A row that is written down must be read from the data as soon as that is kept."""
-    studies = {row.command.split()[2] for row in rows() if "no data is kept" in row.n}
-    assert [study for study in studies if (reproduction_rows.DOCS / "data" / study).exists()] == []
-
-
-@pytest.mark.long
 def test_every_study_of_the_dissertation_is_in_the_table():
     commands = [row.command.split() for row in rows()]
     told = {words[2] if words[1] == "reproduce" else words[1] for words in commands}
