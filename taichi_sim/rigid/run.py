@@ -77,7 +77,7 @@ class Run:
             slots.LIGHT: given["lights"],
             slots.SLIP_STRENGTH: _rows(self._of_masses(self.world.slip_strength), robots),
             slots.IMPULSE_TOLERANCE: _rows(self._of_masses(self._impulse_tolerance), robots),
-            slots.TOUCH_TOLERANCE: _rows(np.array([self._touch_tolerance(tree) for tree in self.trees]), robots),
+            slots.TOUCH_TOLERANCE: self._touch_tolerances(robots),
             **{self.plan[section]: _rows(values, robots) for section, values in self.numbers.items()},
             self.plan[slots.WEIGHT]: given["weights"],
             self.plan[slots.COMMAND]: given["commands"],
@@ -122,9 +122,13 @@ class Run:
         light = self.world.integration == "momentum" and mass > 0
         return tolerance * min(1.0, WEIGHTS * self.world.time_step * mass * EARTH) if light else tolerance
 
-    def _touch_tolerance(self, tree: Tree) -> float:
-        """How high above the ground points of a robot may be that still touch it [m]; none in the studies' engine."""
-        return TOUCH_TOLERANCE[self.real.precision] * tree.reach if self.world.integration == "momentum" else 0.0
+    def _touch_tolerances(self, robots: Ints) -> Floats:
+        """How high above the ground points of robots may be that still touch it [m]; none in the studies' engine."""
+        if self.world.integration == "velocity":
+            return np.zeros(len(robots))
+        trees = [self.trees[n] for n in robots] if len(self.trees) > 1 else self.trees
+        reaches = np.broadcast_to([tree.reach for tree in trees], len(robots))
+        return TOUCH_TOLERANCE[self.real.precision] * reaches
 
     def _carried(self, robots: Ints, given: Given) -> tuple[Floats, Floats, Floats]:
         """Arrays (B, bodies, ...): what bodies carry (momenta or velocities), their places and their velocities."""
