@@ -13,6 +13,7 @@ from optim.problems import kind_of_run, offered_by_run, robot_of_run
 from optim.runs.config import read_config
 from optim.runs.history import History, read_history
 from robots.partly_fixed import freed, held_at, names_matching
+from robots.points import takes
 from robots.robot import KINDS, Robot, RobotKind, World, find_robot_doing, make_robot
 from taichi_sim.base.arrays import copied
 from taichi_sim.base.checks import nearest, shown
@@ -134,8 +135,7 @@ def held_of_run(
     point = dict(zip((parameter.name for parameter in robot.parameters), robot.start, strict=True))
     point |= dict(zip((parameter.name for parameter in found.parameters), found.points(best)[0], strict=True))
     for parameter in robot.parameters:
-        within = parameter.kind == "angle" or parameter.low <= point[parameter.name] <= parameter.high
-        if parameter.name in names and not within:
+        if parameter.name in names and not takes(parameter, point[parameter.name]):
             told = f"{point[parameter.name]:.6g}, beyond {parameter.low:g} to {parameter.high:g}"
             raise ValueError(f"hold: {parameter.name} of {history.path} is {told}; give a range that has it")
     return held_at(robot, list(point.values()), names), tuple(kind.present_world(world) for world in worlds)

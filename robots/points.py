@@ -37,8 +37,13 @@ def checked_design(parameters: Sequence[Variable], point: Floats) -> Floats:
         ValueError: for a value beyond the bounds, or part of a whole number.
     """
     for parameter, value in zip(parameters, point.tolist(), strict=True):
-        margin = ROUNDING * (parameter.high - parameter.low)
-        beyond = parameter.kind != "angle" and not parameter.low - margin <= value <= parameter.high + margin
-        if beyond or (parameter.is_integer and value != round(value)):
+        if not takes(parameter, value):
             raise ValueError(f"{parameter.name}: {value:g} is not allowed; give {parameter.allowed}")
     return point
+
+
+def takes(parameter: Variable, value: float) -> bool:
+    """Whether a parameter may have a value in a design, but for rounding; angles are free."""
+    margin = ROUNDING * (parameter.high - parameter.low)
+    beyond = parameter.kind != "angle" and not parameter.low - margin <= value <= parameter.high + margin
+    return not beyond and not (parameter.is_integer and value != round(value))

@@ -58,12 +58,12 @@ class RigidMotion:
         position: Any,
         orientation: Any,
         angles: Any,
-        work: Any = None,
         tree: Tree | None = None,
+        work: Any = None,
     ) -> "RigidMotion":
         """Make a motion from the bases' places (B, 3) [m] and orientations (B, 4), and hinge angles (B, H) [rad].
 
-        ``work`` is that of all drives (B,) [J], and ``tree`` that of the robots, by default the robot's own.
+        ``tree`` is that of the robots, by default the robot's own, and ``work`` that of all drives (B,) [J].
         """
         tree = robot.tree if tree is None else tree
         names = tuple(body.name for body, _ in tree.ordered), tuple(hinge.child for hinge in tree.hinges)
@@ -84,7 +84,7 @@ def own_measure_values(
     robot: "ArticulatedRobot", own: OwnMeasure, run: RigidResult, tree: Tree | None = None
 ) -> Floats:
     """A measure of a user's own of what robots came to, shape (B,); NaN of those that diverged."""
-    motion = RigidMotion.of(robot, run.position, run.orientation, run.angles, run.work, tree)
+    motion = RigidMotion.of(robot, run.position, run.orientation, run.angles, tree, run.work)
     found = own.values(motion, len(run.status))
     return np.where(run.status == "ok", found, np.nan)
 
@@ -95,7 +95,7 @@ def slopes_of(
     """Derivatives of a measure of a user's own by what is known of a run, as a tape takes."""
 
     def measured(position: Any, orientation: Any, angles: Any, work: Any) -> Any:
-        return own.values(RigidMotion.of(robot, position, orientation, angles, work, tree), len(run.status))
+        return own.values(RigidMotion.of(robot, position, orientation, angles, tree, work), len(run.status))
 
     _, pull = trace(measured, *(np.nan_to_num(getattr(run, name)) for name in ENDED))
     return dict(zip(ENDED, pull((run.status == "ok").astype(float)), strict=True))
