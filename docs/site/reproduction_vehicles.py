@@ -65,7 +65,7 @@ def interference() -> list[Row]:
 
 def _at_3000_generations(kinds: dict[str, Kind]) -> list[Row]:
     """All four measures of the treatments that have run for the published generations, with Student's intervals."""
-    found = data("interference-at-3000").records("tables.csv", {**kinds, "deviation": float})
+    found = data("interference", "at-3000").records("tables.csv", {**kinds, "deviation": float})
     rows = []
     for fitness, robot in dict.fromkeys((row["fitness"], row["robot"]) for row in found):
         own = select(found, definition="defined", fitness=fitness, robot=robot)

@@ -46,8 +46,9 @@ PICTURES_OF_TWO = {
     "changes.png": "What beneficial mutations change in two environments",
     "changes-of-champions.png": "The same along the lines of champions",
 }
-# Experiments in folders, of so many environments each: those of the study, and climbers led by gradients.
-ENVIRONMENTS = {"two": 2, "four": 4, "gradient": 2}
+# Experiments in folders, of so many environments each: those of the study, of two environments with all published
+# generations, and of climbers led by gradients.
+ENVIRONMENTS = {"two": 2, "four": 4, "at-3000": 2, "gradient": 2}
 DRAWN = (".png", ".npz", ".csv.gz")  # a picture, and what it shows
 
 

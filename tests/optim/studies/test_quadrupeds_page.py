@@ -1,6 +1,7 @@
 """The page of measured quadrupeds tells what its committed data has."""
 
 import csv
+import gzip
 import math
 import re
 from pathlib import Path
@@ -8,15 +9,19 @@ from pathlib import Path
 import pytest
 from scipy import stats
 
+from optim.experiments.data import Data
+
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 PAGE = (DOCS / "quadrupeds-measured.md").read_text()
-DATA = DOCS / "data" / "interference-at-3000"
+DATA = DOCS / "data" / "interference" / "at-3000"
 ROBOTS = "legged", "wheeled", "whegged"
 DIGITS = {"M1": (2, 2), "M2": (1, 1), "M3": (2, 2), "M4": (1, 1)}  # of our values, and of published ones
 
 
 def defined(file):
-    return [row for row in csv.DictReader((DATA / file).read_text().splitlines()) if row["definition"] == "defined"]
+    path = Data(DATA).path(file)
+    text = gzip.decompress(path.read_bytes()).decode() if path.suffix == ".gz" else path.read_text()
+    return [row for row in csv.DictReader(text.splitlines()) if row["definition"] == "defined"]
 
 
 def interval(row):
