@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from robots.world import Terrain
 from taichi_sim.base.names import joined
 from taichi_sim.base.options import checked, flag, number, numbers
 
-SEVERAL = ("servos", "body_sizes", "hinge_stiffness")  # options that are given one by one
+SEVERAL = ("servos", "body_sizes", "hinge_stiffness", "drive_torque")  # options that are given one by one
 SUFFIXES = (".xml", ".mjcf", ".urdf")
 REFLEXES = (
     "what it feels and changes its rhythm by: touch, angles, tilt, velocity, light, clock, acceleration, "
@@ -31,16 +32,11 @@ def _reflexes(text: str) -> Any:
     return DriveReflexes.parse(text)
 
 
-def _body_size(text: str) -> Any:
-    from robots.articulated.variants import SIZES
+def _factors(field: str, text: str) -> Any:
+    from robots.articulated.variants import SCALES
 
-    return SIZES.parse(text)
-
-
-def _hinge_stiffness(text: str) -> Any:
-    from robots.articulated.variants import STIFFNESS
-
-    return STIFFNESS.parse(text)
+    (scale,) = (each for each in SCALES if each.field == field)
+    return scale.parse(text)
 
 
 def _servo(text: str) -> dict[str, tuple[float, ...]]:
@@ -117,7 +113,7 @@ class ArticulatedKind(RobotKind):
             "body_sizes",
             "size of bodies, in that of the file, by a name or a pattern of names: thigh*=0.5:2 is free between these, "
             "torso=1.2 fixed, thigh* alone free from 0.5 to 2; repeatable (default: 1)",
-            checked(_body_size),
+            checked(partial(_factors, "body_sizes")),
             "NAME=LOW:HIGH",
             several=True,
         ),
@@ -126,7 +122,16 @@ class ArticulatedKind(RobotKind):
             "stiffness of servos and springs, in that of the file, by the body that a hinge carries or a pattern: "
             "shank*=0.5:2 is free between these, thigh=1.2 fixed; servos keep their damping ratio; repeatable "
             "(default: 1)",
-            checked(_hinge_stiffness),
+            checked(partial(_factors, "hinge_stiffness")),
+            "NAME=LOW:HIGH",
+            several=True,
+        ),
+        Option(
+            "drive_torque",
+            "largest torque of drives, in that of the file, by the body that a hinge carries or a pattern: "
+            "shank*=0.5:2 is free between these, thigh=1.2 fixed; of torque motors all of their torque; repeatable "
+            "(default: 1)",
+            checked(partial(_factors, "drive_torque")),
             "NAME=LOW:HIGH",
             several=True,
         ),

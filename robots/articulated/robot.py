@@ -83,7 +83,8 @@ class ArticulatedRobot(Robot):
             ``Free``, for all that match; see ``taichi_sim.rigid.model.scaling``.
         servos: gains of drives of URDF that are servos, by names of joints or patterns, see ``files.Reading``.
         hinge_stiffness: stiffness of servos and springs, by names of the bodies that their hinges carry or patterns of
-            these: a factor, or one that is ``Free``; see ``taichi_sim.rigid.model.stiffening``.
+            these: a factor, or one that is ``Free``; see ``taichi_sim.rigid.model.actuation``.
+        drive_torque: largest torques of drives, in the same way.
         model: what the file describes; made of the text.
 
     Raises:
@@ -112,6 +113,7 @@ class ArticulatedRobot(Robot):
     body_sizes: Mapping[str, Factor] = field(default_factory=dict)
     servos: Mapping[str, Gains] = field(default_factory=dict)
     hinge_stiffness: Mapping[str, Factor] = field(default_factory=dict)
+    drive_torque: Mapping[str, Factor] = field(default_factory=dict)
     model: Model = field(init=False, repr=False)
 
     kind = "articulated"
@@ -119,7 +121,7 @@ class ArticulatedRobot(Robot):
     differentiable = True
     horizons = (1, 2, 4)
     changeable = ("duration", "friction", "slip", "time_step")  # how a design is tried, not what it is
-    freeing = ("body_sizes", "hinge_stiffness", "reflexes")
+    freeing = (*(scale.field for scale in SCALES), "reflexes")
 
     def __post_init__(self) -> None:
         checks.choice("controller", self.controller, get_args(Controller))
@@ -191,8 +193,8 @@ class ArticulatedRobot(Robot):
 
     @cached_property
     def variants(self) -> Variants:
-        """Factors on sizes of bodies and on the stiffness of hinges; free ones follow all other parameters."""
-        return Variants.of(self.model.tree, self.body_sizes, self.hinge_stiffness)
+        """Factors on sizes of bodies and on the actuation of hinges; free ones follow all other parameters."""
+        return Variants.of(self.model.tree, {scale.field: getattr(self, scale.field) for scale in SCALES})
 
     @cached_property
     def tree(self) -> Tree:
@@ -369,6 +371,7 @@ class ArticulatedRobot(Robot):
             *([("Bodies", f"sizes {self.variants.sizes.spoken}")] if self.body_sizes else []),
             *([("Servos", spoken_gains(self.servos))] if self.servos else []),
             *([("Hinges", f"stiffness {self.variants.stiffness.spoken}")] if self.hinge_stiffness else []),
+            *([("Drives", f"largest torques {self.variants.torques.spoken}")] if self.drive_torque else []),
             ("Trial", f"{self.duration:g} s; distance along {self.heading:g}°"),
             ("Time step", f"{1e3 * physics.time_step:g} ms"),
             ("Floor", f"friction {physics.friction:g}{slip}"),

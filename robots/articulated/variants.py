@@ -1,6 +1,6 @@
-"""Variants of a file's robot: bodies of other sizes, and hinges of other stiffness, as given or free to be searched."""
+"""Variants of a file's robot: bodies of other sizes, and hinges with other actuation, given or free to be searched."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,14 +12,15 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.variables import Variable
 from taichi_sim.ground.relief import Relief
 from taichi_sim.rigid.gradient import RigidGradient
+from taichi_sim.rigid.model.actuation import is_limited, is_stiff, stiffened_tree, strengthened_tree
 from taichi_sim.rigid.model.assembly import check_start, depths_of
 from taichi_sim.rigid.model.scaling import scaled_tree
-from taichi_sim.rigid.model.stiffening import is_stiff, stiffened_tree
 from taichi_sim.rigid.model.tree import Tree
 
 SIZES = Scale("body_sizes", "body", "body", "size", 0.1, 10.0)
 STIFFNESS = Scale("hinge_stiffness", "hinge with a servo or a spring", "hinge", "stiffness", 0.01, 100.0)
-SCALES = SIZES, STIFFNESS
+TORQUE = Scale("drive_torque", "hinge with a drive that has a largest torque", "drive", "torque", 0.01, 100.0)
+SCALES = SIZES, STIFFNESS, TORQUE
 _SHIFT = 1e-5  # part of a factor by which trees are shifted; their numbers are smooth, mostly polynomials of low degree
 
 
@@ -31,6 +32,7 @@ class Variants:
         tree: the robot of the file, in which all factors are 1.
         sizes: of bodies, in the order of ``tree.ordered``.
         stiffness: of the hinges that carry these bodies.
+        torques: of the drives of these hinges.
 
     Raises:
         ValueError: for names of no bodies or hinges, two for one, and sizes that a body cannot have.
@@ -39,46 +41,59 @@ class Variants:
     tree: Tree
     sizes: Factors
     stiffness: Factors
+    torques: Factors
 
     @classmethod
-    def of(cls, tree: Tree, body_sizes: Given, hinge_stiffness: Given) -> "Variants":
-        """Find the bodies and hinges of names and patterns, and check that there are robots of all sizes."""
+    def of(cls, tree: Tree, given: Mapping[str, Given]) -> "Variants":
+        """Find the bodies and hinges of names and patterns, and check that there are robots of all sizes.
+
+        Args:
+            tree: the robot of the file.
+            given: factors of each of ``SCALES``, by its field.
+        """
         bodies = [body.name for body, _ in tree.ordered]
-        hinges = [body.name if is_stiff(joint) else "" for body, joint in tree.ordered]
+        hinges, drives = (
+            [body.name if has(joint) else "" for body, joint in tree.ordered] for has in (is_stiff, is_limited)
+        )
         if tree.ordered[0][0].mass == 0 and not tree.ordered[0][0].shapes:
             bodies[0] = ""  # what a robot hangs on is no body of it
-        made = cls(tree, Factors.of(SIZES, bodies, body_sizes), Factors.of(STIFFNESS, hinges, hinge_stiffness))
+        parts = zip(SCALES, (bodies, hinges, drives), strict=True)
+        made = cls(tree, *(Factors.of(scale, names, given[scale.field]) for scale, names in parts))
         made._check_start()
         return made
 
     @property
+    def kinds(self) -> tuple[Factors, ...]:
+        """Factors of each of ``SCALES``."""
+        return self.sizes, self.stiffness, self.torques
+
+    @property
     def free(self) -> list[Free]:
-        """Free sizes, then free stiffness, in the order of their parameters."""
-        return [*self.sizes.free, *self.stiffness.free]
+        """The free ones, in the order of ``SCALES``."""
+        return [factor for kind in self.kinds for factor in kind.free]
 
     @property
     def parameters(self) -> tuple[Variable, ...]:
         """One for each free factor."""
-        return *self.sizes.parameters, *self.stiffness.parameters
+        return tuple(parameter for kind in self.kinds for parameter in kind.parameters)
 
     @property
     def start(self) -> Floats:
         """The free factors before any search, (K,)."""
         return np.array([factor.middle for factor in self.free])
 
-    def split(self, values: Floats) -> tuple[Floats, Floats]:
-        """Free sizes and free stiffness among the values of free factors, (K,)."""
-        return values[: len(self.sizes.free)], values[len(self.sizes.free) :]
+    def split(self, values: Floats) -> list[Floats]:
+        """The values of free factors, (K,), of each of ``SCALES``."""
+        return np.split(values, np.cumsum([len(kind.free) for kind in self.kinds[:-1]]))
 
     def settled(self, values: Floats) -> dict[str, Any]:
         """All factors by the names of their fields, with some values, (K,), in place of the free ones."""
-        each = zip((self.sizes, self.stiffness), self.split(values), strict=True)
+        each = zip(self.kinds, self.split(values), strict=True)
         return {factors.scale.field: factors.settled(own) for factors, own in each}
 
-    def of_parts(self, values: Floats) -> tuple[list[float], list[float]]:
-        """The size of each body of ``tree.ordered``, and the stiffness of its hinge, of some values, (K,)."""
-        sizes, stiffness = self.split(values)
-        return self.sizes.of_parts(sizes), self.stiffness.of_parts(stiffness)
+    def of_parts(self, values: Floats) -> tuple[list[float], ...]:
+        """Of values, (K,): the size of each body of ``tree.ordered``, the stiffness and the torque of its hinge."""
+        return tuple(kind.of_parts(own) for kind, own in zip(self.kinds, self.split(values), strict=True))
 
     def tree_of(self, values: Floats) -> Tree:
         """The robot of some values of the free factors, (K,).
@@ -86,10 +101,9 @@ class Variants:
         Raises:
             ValueError: for values far beyond their bounds.
         """
-        sizes, stiffness = self.split(values)
-        self.sizes.check(sizes)
-        self.stiffness.check(stiffness)
-        tree = self._tree(values)
+        for kind, own in zip(self.kinds, self.split(values), strict=True):
+            kind.check(own)
+        tree, sizes = self._tree(values), self.split(values)[0]
         if self.tree.fixed and any(
             not free.low <= size <= free.high for free, size in zip(self.sizes.free, sizes, strict=True)
         ):
@@ -97,8 +111,8 @@ class Variants:
         return tree
 
     def _tree(self, values: Floats) -> Tree:
-        sizes, stiffness = self.of_parts(values)
-        return stiffened_tree(scaled_tree(self.tree, sizes), stiffness)
+        sizes, stiffness, torques = self.of_parts(values)
+        return strengthened_tree(stiffened_tree(scaled_tree(self.tree, sizes), stiffness), torques)
 
     def _check_start(self) -> None:
         """Refuse sizes that no body can have, and with which a fixed robot starts in the ground.

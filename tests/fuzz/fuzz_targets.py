@@ -76,7 +76,8 @@ def _rigid(path: Path) -> object:
     """A robot, and its file with bodies of another size, on hinges of another stiffness."""
     model = load_model(path)
     heavy = [body.mass > 0 for body, _ in model.tree.ordered]
-    return model, resized_text(files.read_text(path), [0.7 if each else 1.0 for each in heavy], [1.7] * len(heavy))
+    actuation = ([factor] * len(heavy) for factor in (1.7, 0.6))  # stiffness and torques of hinges
+    return model, resized_text(files.read_text(path), [0.7 if each else 1.0 for each in heavy], *actuation)
 
 
 def _weights(path: Path) -> object:

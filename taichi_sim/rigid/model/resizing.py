@@ -1,4 +1,4 @@
-"""Write the file of a robot anew with bodies of other sizes and hinges of other stiffness, for other programs.
+"""Write the file of a robot anew with bodies of other sizes and with other actuation, for other programs.
 
 Names, meshes, drives, sensors and comments stay; only numbers that a factor changes are written, so that the file says
 all that the engine has no use for, too.
@@ -15,24 +15,28 @@ import numpy as np
 
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.plain_xml import parse_xml
+from taichi_sim.rigid.model.actuation import stiffened_tree, strengthened_tree
 from taichi_sim.rigid.model.files import Reading, read_model
 from taichi_sim.rigid.model.mjcf import MjcfReader
+from taichi_sim.rigid.model.mjcf_actuation import stiffen_mjcf, strengthen_mjcf
 from taichi_sim.rigid.model.mjcf_resizing import MjcfResizing
-from taichi_sim.rigid.model.mjcf_stiffening import stiffen_mjcf
 from taichi_sim.rigid.model.scaling import scaled_tree
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
-from taichi_sim.rigid.model.stiffening import stiffened_tree
 from taichi_sim.rigid.model.tree import Hinge, Joint, Motor, Passive, Servo, Tree
 from taichi_sim.rigid.model.urdf import link_of
-from taichi_sim.rigid.model.urdf_resizing import resize_urdf
+from taichi_sim.rigid.model.urdf_resizing import resize_urdf, strengthen_urdf
 
 _SAME = 1e-9  # part of the robot's largest length, and of a mass or an inertia, that is rounding
 
 
 def resized_text(
-    text: str, factors: Sequence[float], stiffness: Sequence[float] = (), **reading: Unpack[Reading]
+    text: str,
+    factors: Sequence[float],
+    stiffness: Sequence[float] = (),
+    torques: Sequence[float] = (),
+    **reading: Unpack[Reading],
 ) -> str:
-    """Write the text of a file anew, with bodies of the sizes of ``scaled_tree`` and hinges of ``stiffened_tree``.
+    """Write the text of a file anew, with the bodies of ``scaled_tree`` and the hinges and drives of ``actuation``.
 
     The new text is read again: it is refused unless it describes the robot that was simulated.
 
@@ -40,6 +44,7 @@ def resized_text(
         text: content of the file.
         factors: of the bodies in the order of ``tree.ordered``.
         stiffness: factors of the hinges that carry them, by default 1; URDF tells of no stiffness.
+        torques: factors of the largest torques of these hinges' drives, by default 1.
         **reading: how the file is read, as of :func:`parse_model`.
 
     Raises:
@@ -50,11 +55,14 @@ def resized_text(
     wanted = scaled_tree(tree, factors)
     if stiffness and root.tag == "mujoco":
         wanted = stiffened_tree(wanted, stiffness)
+    if torques:
+        wanted = strengthened_tree(wanted, torques)
     if wanted is tree:
         return text
     rise = _origin(wanted) - _origin(tree)
     names = [body.name for body, _ in tree.ordered]
     sizes = {name: float(factor) for name, factor in zip(names, factors, strict=True)}
+    stronger = dict(zip(names, torques, strict=False))
     for weighed in (False, True):
         root, copy = parse_xml(text), parse_xml(text, comments=True)
         elements = [each for each in copy.iter() if isinstance(each.tag, str)]
@@ -64,9 +72,11 @@ def resized_text(
             reader.read()
             MjcfResizing(reader, written, sizes, rise, weighed).resize()
             stiffen_mjcf(reader, written, tree, dict(zip(names, stiffness, strict=False)))
+            strengthen_mjcf(reader, written, tree, stronger)
             bounded = reader.compiler.smallest > 0 or reader.compiler.lightest > 0
         else:
             resize_urdf(root, written, sizes)
+            strengthen_urdf(root, written, stronger)
             bounded = False
         found = f"{_before(text)}{ElementTree.tostring(copy, encoding='unicode')}\n{_after(text, root.tag)}"
         try:
@@ -144,7 +154,7 @@ def _check_same(found: Tree, wanted: Tree, placed: bool) -> None:
 
 
 def _alike(joint: Joint | None, other: Joint | None) -> bool:
-    """Whether two joints are the same in what has nothing to do with sizes, but for rounding of their stiffness."""
+    """Whether two joints are the same in what has nothing to do with sizes, but for rounding of their actuation."""
     if not isinstance(joint, Hinge) or not isinstance(other, Hinge):
         return True
     kept, also = ((tuple(map(float, e.axis)), e.parent, e.child, e.command, e.stops, e.rest) for e in (joint, other))

@@ -1,4 +1,4 @@
-"""Resize links within a URDF file: places, sizes, masses and inertias are written anew, all else is left.
+"""Resize links and strengthen drives within a URDF file: numbers that factors change are written anew.
 
 Source: http://wiki.ros.org/urdf/XML. A joint's frame is its child's, so links are resized about the origin of theirs.
 """
@@ -31,6 +31,12 @@ def resize_urdf(root: Element, written: Mapping[Element, Element], sizes: Mappin
         _resize(single(joint, "origin"), written, {"xyz": 1}, carrier)
     for name, size in found.items():
         _resize_link(links[name], written, size)
+
+
+def strengthen_urdf(root: Element, written: Mapping[Element, Element], factors: Mapping[str, float]) -> None:
+    """Write the largest torques of drives anew, by factors of the links that their joints carry; others stay."""
+    for joint in root.findall("joint"):
+        _resize(single(joint, "limit"), written, {"effort": 1}, factors.get(link_of(joint, "child"), 1.0))
 
 
 def _resize_link(link: Element, written: Mapping[Element, Element], size: float) -> None:

@@ -13,8 +13,8 @@ from robots.articulated import ArticulatedRobot, differentiate, simulate
 from robots.articulated.loading import robot_of_record
 from robots.free import Free
 from taichi_sim.rigid import Servo
+from taichi_sim.rigid.model.actuation import stiffened_tree
 from taichi_sim.rigid.model.files import read_model
-from taichi_sim.rigid.model.stiffening import stiffened_tree
 
 # A damped servo, one with a damping ratio, and a spring that nothing drives.
 SPRUNG = (

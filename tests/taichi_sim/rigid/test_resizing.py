@@ -78,13 +78,13 @@ def test_random_files_hold_robots_of_all_sizes(make):
     assert resized > 140
 
 
-def test_random_files_hold_hinges_of_any_stiffness():
+def test_random_files_hold_hinges_of_any_stiffness_and_drives_of_any_torque():
     """But for position drives with a constant bias of their class, which only a general one could have otherwise."""
     stiffened = 0
     for seed, text in readable(random_mjcf, 60, Pair):
-        stiffness = np.random.default_rng(seed).uniform(0.3, 3.0, len(read_model(text).tree.bodies))
+        factors = np.random.default_rng(seed).uniform(0.3, 3.0, (2, len(read_model(text).tree.bodies)))
         try:
-            Pair(resized_text(text, sizes_of(text, seed), stiffness.tolist())).same()
+            Pair(resized_text(text, sizes_of(text, seed), *factors.tolist())).same()
             stiffened += 1
         except ValueError as refused:
             assert "would not be the same in such a file" in str(refused)
