@@ -7,9 +7,9 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 from articulated_files import CART, CRAWLER
-from crawlers import HERE, some_points
+from crawlers import HERE, assert_differences, some_points
 
-from robots.articulated import ArticulatedRobot, differentiate, simulate
+from robots.articulated import ArticulatedRobot, simulate
 from robots.articulated.loading import robot_of_record
 from robots.free import Free
 from taichi_sim.rigid import Motor, Servo
@@ -80,14 +80,7 @@ def test_a_free_one_does_what_the_same_number_in_the_file_does():
 @pytest.mark.parametrize("settings", [{}, {"speed": 10.0}], ids=["servo", "holding rates"])
 def test_derivatives_are_central_differences(settings):
     robot = weak(**settings, hinge_stiffness={} if settings else {"front": Free(0.5, 2.0)})
-    points = some_points(robot, 2, seed=4)
-    found = differentiate(robot, points, **HERE).gradient
-    for n in range(points.shape[1] - 2, points.shape[1]):
-        step = np.zeros(points.shape[1])
-        step[n] = 1e-6
-        ahead, behind = (simulate(robot, points + side * step, **HERE).distance for side in (1, -1))
-        assert found[:, n] == pytest.approx((ahead - behind) / 2e-6, rel=2e-5, abs=1e-8)
-    assert (np.abs(found[:, -2:]) > 1e-6).all()
+    assert_differences(robot, some_points(robot, 2, seed=4), 2)
 
 
 def test_records_have_them_only_if_given():
