@@ -109,3 +109,10 @@ def noise_of(direction: Direction, costs: Costs) -> float:
         for order in ORDERS
     ]
     return math.sqrt(float(np.median(scaled)))
+
+
+def agree(found, least):
+    """Differences along so many directions agree, or something happened between them."""
+    directions = [one for one in found if one["kind"] != "drivers"]
+    assert not found[-1]["differs"] and sum(one["usual"] > 0 for one in directions) >= least
+    assert all(min(one["errors"]) <= AGREES or one["because"].startswith("events") for one in directions)

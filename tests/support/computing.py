@@ -116,7 +116,14 @@ TWO_THREADS = (
     "test_walker.py::test_results_depend",
 )
 # Files that compile more for rigid robots than for lattices.
-RIGID = ("/rigid/", "/articulated/", "/quadruped/", "every_kind_of_robot", "test_light_seekers")
+RIGID = (
+    "/rigid/",
+    "/articulated/",
+    "/quadruped/",
+    "every_kind_of_robot",
+    "test_light_seekers",
+    "test_articulated_physics",
+)
 
 ROOT = Path(__file__).parents[2]
 Kernels = tuple[str, str]

@@ -24,8 +24,8 @@ def problem(horizon=None, cycles=4, ground="rough:0.006,0.05,1"):
 
 
 def length(given):
-    """Of the gradient of the speed, as if all variables had a range of one: the median of five drawn points."""
-    points = given.space.sample(np.random.default_rng(0), 5)
+    """Of the gradient of the speed, as if all variables had a range of one: the median of three drawn points."""
+    points = given.space.sample(np.random.default_rng(0), 3)
     found = evaluate_request(given, Request(points, "gradients", np.inf)).gradients
     return np.median(np.linalg.norm(found * given.space.span, axis=1))
 
@@ -33,8 +33,8 @@ def length(given):
 @pytest.mark.kernels
 def test_what_grows_without_bound_is_bounded_by_a_horizon():
     """Of a robot that feels, exact gradients grow with the time of the trial, those with a horizon far less."""
-    exact = [length(problem(None, cycles)) for cycles in (1, 5)]
-    short = [length(problem(0.03, cycles)) for cycles in (1, 5)]
+    exact = [length(problem(None, cycles)) for cycles in (1, 4)]
+    short = [length(problem(0.03, cycles)) for cycles in (1, 4)]
     assert exact[1] > 100 * exact[0]
     assert short[1] / short[0] < exact[1] / exact[0] / 100 and short[1] < exact[1] / 100
 

@@ -8,6 +8,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from matplotlib.pyplot import imread
 
 from optim import cli
 from optim.experiments.data import Data
@@ -41,6 +42,7 @@ NOTHING_COMMITTED = ("sensor-placement", "training")  # but the tables themselve
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("unseen_pictures")
 @pytest.mark.parametrize(("study", "data"), [*((study, DATA) for study in TOLD), *OTHER_FLOORS])
 def test_the_committed_tables_come_out_of_the_committed_data(study, data, tmp_path, capsys):
     out = tmp_path / "out"
@@ -60,6 +62,14 @@ def test_the_committed_tables_come_out_of_the_committed_data(study, data, tmp_pa
             assert made.read_bytes() == (gzip.decompress(content) if committed.suffix == ".gz" else content), name
         compared += committed.exists()
     assert compared or study in NOTHING_COMMITTED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("study", "data"), [*((study, DATA) for study in TOLD), *OTHER_FLOORS])
+def test_pictures_are_drawn_from_the_committed_data(study, data, tmp_path):
+    out = tmp_path / "out"
+    assert cli.main(["reproduce", study, "--from-data", str(data), "--out", str(out)]) == 0
+    assert all(imread(path).ndim == 3 for path in out.rglob("*.png"))
 
 
 @pytest.mark.parametrize(
@@ -175,7 +185,7 @@ def test_a_column_that_is_missing_is_told(column, tmp_path, capsys):
 def test_what_was_begun_goes_where_a_table_is_refused(tmp_path, capsys):
     """So that the next try is not refused for what the first left."""
     folder = tmp_path / "interference"
-    shutil.copytree(DATA / "interference", folder)
+    shutil.copytree(DATA / "interference/gradient", folder / "gradient")
     (folder / "alone.csv").write_text("robot\n")
     order = ["reproduce", "interference", "--from-data", str(tmp_path), "--out", str(tmp_path / "out")]
     assert cli.main(order) == 2

@@ -21,8 +21,8 @@ SHORE = Terrain(ground="ramp:-10,0.1+water:0.02")
 SAND, BEACH = Terrain(ground="sand:3e4"), Terrain(ground="ramp:-10,0.1+sand:3e4+water:0.02")
 # Each has a kernel of its own to compile; those of a part of what others have are slow.
 TERRAINS = [
-    *(Terrain(8.0), Terrain(-5.0, ground=UNEVEN.ground), Terrain.water(), BEACH),
-    *(pytest.param(part, marks=pytest.mark.slow) for part in (UNEVEN, SHORE, SAND)),
+    *(Terrain(8.0), Terrain(-5.0, ground=UNEVEN.ground), Terrain.water()),
+    *(pytest.param(part, marks=pytest.mark.slow) for part in (UNEVEN, SHORE, SAND, BEACH)),
 ]
 
 
