@@ -78,26 +78,31 @@ def test_points_are_designs_and_designs_are_starts(geometry, tmp_path):
         problem(more=()).start_values(dataclasses.replace(INCHING, materials=RegionMaterials(((1.0, 1.0), (0.1, 0.1)))))
 
 
+FREED = (
+    {},
+    {"geometry": "two-core"},
+    {"more": ("pace", "bladders")},
+    {"more": ("core", "size")},
+    {"more": (), "most_full": 2.5},
+    {"more": (), "encoding": "graded-wave"},
+    {"more": ("size", "bladders"), "encoding": "graded-wave", "columns": 5, "most_full": 2.5},
+)
+DRAWN = (
+    {},
+    {"draws": 3, "friction_spread": 0.5, "noise": 1e-6},
+    {"draws": 3, "uncertain": "sliding=80%,gripping=40%,timing=20%"},
+    {"hard": True},
+)
+EACH_ONCE = {(n, n % len(DRAWN)) for n in range(len(FREED))} | {(2, m) for m in range(len(DRAWN))}
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "settings",
+    ("settings", "draws"),
     [
-        {},
-        {"geometry": "two-core"},
-        {"more": ("pace", "bladders")},
-        {"more": ("core", "size")},
-        {"more": (), "most_full": 2.5},
-        {"more": (), "encoding": "graded-wave"},
-        {"more": ("size", "bladders"), "encoding": "graded-wave", "columns": 5, "most_full": 2.5},
-    ],
-)
-@pytest.mark.parametrize(
-    "draws",
-    [
-        {},
-        {"draws": 3, "friction_spread": 0.5, "noise": 1e-6},
-        {"draws": 3, "uncertain": "sliding=80%,gripping=40%,timing=20%"},
-        {"hard": True},
+        pytest.param(FREED[n], DRAWN[m], marks=() if (n, m) in EACH_ONCE else pytest.mark.slow, id=f"{n}-{m}")
+        for n in range(len(FREED))
+        for m in range(len(DRAWN))
     ],
 )
 def test_slopes_by_every_gene_are_those_of_the_speed(linear, settings, draws):

@@ -114,7 +114,7 @@ class Case:
 def test_the_rate_after_a_step_is_the_only_one_at_which_all_impulses_balance(drive, step):
     """Whatever the drive, its bounds, friction, springs and stops are, and however far from them it starts."""
     rng = np.random.default_rng(0)
-    cases = [Case(rng, drive) for _ in range(1200)]
+    cases = [Case(rng, drive) for _ in range(500)]
     engine = RigidEngine([case.tree() for case in cases], Physics(step, gravity=0.0), threads=1)
     start = {name: np.array([[getattr(case, name[:-1])] for case in cases]) for name in ("angles", "rates")}
     run = engine.run(1, commands=None if drive is None else ONE, start=replace(engine.rest(), **start))
@@ -122,13 +122,13 @@ def test_the_rate_after_a_step_is_the_only_one_at_which_all_impulses_balance(dri
     found = run.velocities[:, 1, 1]
     expected = np.array([case.exact(step, min(0.2 / step, RETURN)) for case in cases])
     assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
-    assert np.mean(abs(found) < 1e-9) > 0.02 and len(np.unique(found.round(6))) > 600
+    assert np.mean(abs(found) < 1e-9) > 0.02 and len(np.unique(found.round(6))) > 250
     work = np.array([case.work(rate, step) for case, rate in zip(cases, found, strict=True)])
     sizes = np.array([c.inertia * (1 + c.rate**2 + rate * rate) for c, rate in zip(cases, found, strict=True)])
     # Where friction holds a hinge at its stop, nothing tells what of the impulse is the drive's.
     told = np.array([rate != 0 or c.angle not in (c.stops or ()) for c, rate in zip(cases, found, strict=True)])
     assert (run.work / sizes)[told] == pytest.approx((work / sizes)[told], rel=1e-5, abs=1e-6)
-    assert drive is None or (run.work > 0).sum() > 300
+    assert drive is None or (run.work > 0).sum() > 125
 
 
 def test_a_motor_does_no_work_on_a_stop_however_strong_it_is():
