@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.articulated.factors import Factor
+from robots.articulated.measures import MEASURES, NEWER, OF_TREES, measures_of, of_trees
 from robots.articulated.records import USUAL_RATE, record_of
 from robots.articulated.reflexes import PARTS, DriveReflexes, network_of
 from robots.articulated.senses import checked_place
@@ -37,12 +38,6 @@ if TYPE_CHECKING:
 
 Controller = Literal["rhythm", "network"]
 LONGEST = 3600.0  # s
-MEASURES = (
-    Measure("speed", "m/s", "speed along its heading"),
-    Measure("distance", "m", "distance along its heading"),
-    Measure("energy", "J", "work of its drives"),
-)
-NEWEST = "energy"  # own measures of earlier versions may be called so, and then stand in its place
 READING = tuple(Reading.__annotations__)  # settings that say how the file is read
 STEADY = 16  # commands of a cycle at least, with which coupled oscillators are stable
 
@@ -133,7 +128,7 @@ class ArticulatedRobot(Robot):
             checks.number("command_rate", self.command_rate, 1e-3, unit="Hz")
         checks.flag("fixed", self.fixed)
         checks.whole_number("seed", self.seed, 0)
-        names = [measure.name for measure in MEASURES if measure.name != NEWEST]
+        names = [measure.name for measure in MEASURES if measure.name not in NEWER]
         object.__setattr__(self, "own_measures", checked_own_measures(self.own_measures, names))
         if self.quickest <= self.slowest:
             raise ValueError(f"quickest: {self.quickest:g} Hz is not allowed; give more than slowest, {self.slowest:g}")
@@ -271,9 +266,9 @@ class ArticulatedRobot(Robot):
 
     @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
-        """Measures of the robot: speed, distance, the work of its drives, and users' own measures."""
+        """Measures of the robot: what it does and is made of, and users' own measures."""
         own = {measure.name for measure in self.own_measures}
-        return *(measure for measure in MEASURES if measure.name not in own), *self.own_measures
+        return *(measure for measure in measures_of(self.model.tree) if measure.name not in own), *self.own_measures
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the design of one point, without own measures, as a robot needs no package."""
@@ -320,8 +315,10 @@ class ArticulatedRobot(Robot):
             "speed": found.distance / self.lasts,
             "distance": found.distance,
             "energy": found.energy,
+            **{name: of_trees(name, found.trees, len(points)) for name in OF_TREES},
             **found.own,
         }
+        measures = {measure.name: measures[measure.name] for measure in self.measures}
         frames = recorded(found.runs[0].frames)
         if frames:
             frames["angles"] = frames["angles"] + [hinge.rest for hinge in self.model.tree.hinges]

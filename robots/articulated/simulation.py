@@ -1,6 +1,6 @@
 """Articulated robots at work: how far they come, and the derivatives of that by what is free."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Unpack
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from robots.articulated.centres import centres as centres
 from robots.articulated.centres import first_centre as first_centre
+from robots.articulated.measures import OF_TREES, of_trees
 from robots.articulated.reflexes import PARTS, ReflexLoop, Rhythms
 from robots.articulated.rigid_motion import ENDED, POSE, own_measure_values, slopes_of
 from robots.articulated.senses import Anatomy
@@ -42,7 +43,7 @@ class ArticulatedResult(ShortText):
         runs: everything about the rollouts, with frames if asked for; several where N is large.
         energy: work of all drives, as far as they push the way that they turn, (N,) [J]; NaN of those that diverged.
         own: users' own measures by name, (N,) each; NaN of those that diverged.
-        gradients: derivatives of the distance, the energy and own measures by the parameters, (N, P), where asked for.
+        gradients: derivatives of the distance and other measures by the parameters, (N, P), where asked for.
         trees: of the robots, N where sizes of bodies are free, else one for all.
     """
 
@@ -136,14 +137,17 @@ def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> Ar
             tape = some.engine.record(robot.steps, **driven)
             runs.append(tape.result)
             for name, found in slopes.items():
+                judge = partial(_measure_values, robot, name, run=tape.result)
+                if _is_of_trees(robot, name):
+                    found.append(_slopes_of_trees(robot, some, tape.result, judge))
+                    continue
                 back = tape.pull_back(**_end_slopes(robot, name, tape.result, some.trees))
                 of_commands = back.commands
                 given = (
                     back.weights if robot.controller == "network" else _slopes(robot, some.controls, of_commands, loop)
                 )
                 put = None if loop is None else loop.reader.by_first
-                judge = partial(_measure_values, robot, name, run=tape.result)
-                by_factors = robot.variants.slopes(some.factors, back, judge, put, some.relief)
+                by_factors = robot.variants.slopes(some.factors, judge, back, put, some.relief)
                 found.append(np.column_stack([given.reshape(len(some.controls), -1), by_factors]))
         else:
             runs.append(some.engine.run(robot.steps, **driven, record_every=trial.record_every))
@@ -205,14 +209,30 @@ def _each_tree(trees: Sequence[Tree], run: RigidResult) -> list[tuple[Tree, Rigi
 
 
 def _measure_values(robot: "ArticulatedRobot", name: str, trees: Sequence[Tree], run: RigidResult) -> Floats:
-    """The distance, the energy, or a user's own measure, of what robots with some trees came to, (B,)."""
+    """The distance, the energy, what trees say, or a user's own measure, of what robots came to, (B,)."""
     own = next((each for each in robot.own_measures if each.name == name), None)
     if own is not None:
         return np.concatenate([own_measure_values(robot, own, end, tree) for tree, end in _each_tree(trees, run)])
     if name == "energy":
         return run.work  # whatever the trees mean at the end
+    if name in OF_TREES:
+        return of_trees(name, trees, len(run.status))
     ways = [_centre(tree, end) - first_centre(tree) for tree, end in _each_tree(trees, run)]
     return along(np.concatenate(ways), robot.direction)
+
+
+def _is_of_trees(robot: "ArticulatedRobot", name: str) -> bool:
+    return name in OF_TREES and all(own.name != name for own in robot.own_measures)
+
+
+def _slopes_of_trees(
+    robot: "ArticulatedRobot", some: _Group, run: RigidResult, judge: Callable[[Sequence[Tree]], Floats]
+) -> Floats:
+    """Derivatives of a measure of how robots are made, (B, P); NaN of those that diverged."""
+    by_factors = robot.variants.slopes(some.factors, judge)
+    found = np.column_stack([np.zeros(some.controls.shape), by_factors])
+    found[run.status != "ok"] = np.nan
+    return found
 
 
 def _centre(tree: Tree, run: RigidResult) -> Floats:

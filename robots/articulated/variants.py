@@ -151,29 +151,40 @@ class Variants:
     def slopes(
         self,
         values: Floats,
-        back: RigidGradient,
         judge: Callable[[Sequence[Tree]], Floats],
-        put: Floats | None,
-        relief: Relief | None,
+        back: RigidGradient | None = None,
+        put: Floats | None = None,
+        relief: Relief | None = None,
     ) -> Floats:
         """Derivatives of a measure by the free factors: through the motion, and through what the trees mean at its end.
 
         Args:
             values: of the free factors of B robots, (B, K).
-            back: derivatives of the measure by the numbers of their trees, as the robots ended.
             judge: the measure, (B,), if the robots ended as they did but had other trees.
+            back: derivatives of the measure by the numbers of their trees, as the robots ended; None if how they move
+                does not matter.
             put: derivatives by where robots know that they were put, (B, 3); None for robots that feel nothing.
             relief: uneven ground that they stand on at the start.
         """
         found = np.empty(values.shape)
         for number in range(values.shape[1]):
             lower, upper, span = self.shifted(values, number)
-            before, after = (np.array([start_of(tree, relief) for tree in trees]) for trees in (lower, upper))
-            change = back.between_trees(lower, upper, after - before)
-            if put is not None:
-                change = change + (put * (after - before)).sum(1)
+            change = np.zeros(len(values)) if back is None else self._change(lower, upper, back, put, relief)
             found[:, number] = (change + judge(upper) - judge(lower)) / span
         return found
+
+    def _change(
+        self,
+        lower: Sequence[Tree],
+        upper: Sequence[Tree],
+        back: RigidGradient,
+        put: Floats | None,
+        relief: Relief | None,
+    ) -> Floats:
+        """Change of a measure through the motion, from one tree to another of each robot, (B,)."""
+        before, after = (np.array([start_of(tree, relief) for tree in trees]) for trees in (lower, upper))
+        change = back.between_trees(lower, upper, after - before)
+        return change if put is None else change + (put * (after - before)).sum(1)
 
 
 def start_of(tree: Tree, relief: Relief | None) -> Floats:

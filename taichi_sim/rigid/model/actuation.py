@@ -35,10 +35,14 @@ def stiffened_tree(tree: Tree, factors: Sequence[float]) -> Tree:
 
 
 def is_limited(joint: Joint | None) -> bool:
-    """Whether a joint is a hinge with a drive that has a largest torque, as those with a limit and torque motors."""
-    if not isinstance(joint, Hinge) or joint.motor is None:
-        return False
-    return joint.motor.torque is not None or pushes(joint.motor)
+    """Whether a joint is a hinge with a drive that has a largest torque."""
+    return isinstance(joint, Hinge) and joint.motor is not None and math.isfinite(largest_torque(joint.motor))
+
+
+def largest_torque(drive: Motor | Servo) -> float:
+    """Largest torque of a drive [N m]: its limit, or of a torque motor that of its commands; infinite without one."""
+    limit = math.inf if drive.torque is None else drive.torque
+    return min(limit, abs(drive.by_command) + abs(drive.offset)) if pushes(drive) else limit
 
 
 def pushes(drive: Motor | Servo | None) -> bool:
