@@ -14,27 +14,28 @@ MEASURES = (
     Measure("distance", "m", "distance along its heading"),
     Measure("energy", "J", "work of its drives"),
     Measure("mass", "kg", "mass"),
-    Measure("strength", "N m", "largest torques of its drives, added"),
+    Measure("torque_limits", "N m", "largest torques of its drives, added"),
 )
-NEWER = ("energy", "mass", "strength")  # own measures of earlier versions may be called so, and then stand in place
+# Own measures of earlier versions may have these names, and then stand in their place.
+NEWER = "energy", "mass", "torque_limits"
 
 
 def _mass(tree: Tree) -> float:
     return float(tree.masses.sum())
 
 
-def _strength(tree: Tree) -> float:
+def _torque_limits(tree: Tree) -> float:
     return sum(largest_torque(hinge.motor) for hinge in tree.hinges if hinge.motor is not None)
 
 
 # Those that follow from how a robot is made, whatever it does.
-OF_TREES: Mapping[str, Callable[[Tree], float]] = {"mass": _mass, "strength": _strength}
+OF_TREES: Mapping[str, Callable[[Tree], float]] = {"mass": _mass, "torque_limits": _torque_limits}
 
 
 def measures_of(tree: Tree) -> tuple[Measure, ...]:
-    """Measures of a robot: its strength only if each of its drives has a largest torque."""
-    limited = np.isfinite(_strength(tree))
-    return tuple(measure for measure in MEASURES if limited or measure.name != "strength")
+    """Measures of a robot: its torque limits only if each of its drives has a largest torque."""
+    limited = np.isfinite(_torque_limits(tree))
+    return tuple(measure for measure in MEASURES if limited or measure.name != "torque_limits")
 
 
 def of_trees(name: str, trees: Sequence[Tree], count: int) -> Floats:

@@ -138,7 +138,7 @@ def test_a_measure_of_ones_own_may_have_the_energy():
 def test_a_measure_of_ones_own_may_be_called_energy_as_those_of_older_runs_are():
     robot = robot_of(own_measures=(OwnMeasure("energy", law=lambda motion: 2.0 * motion.energy),))
     points = some_points(robot, 2)
-    assert [measure.name for measure in robot.measures] == ["speed", "distance", "mass", "strength", "energy"]
+    assert [measure.name for measure in robot.measures] == ["speed", "distance", "mass", "torque_limits", "energy"]
     found = robot.differentiate(points, robot.worlds[0], measures=["energy"], compute=Compute.given(HERE))
     plain = robot_of().differentiate(points, robot.worlds[0], measures=["energy"], compute=Compute.given(HERE))
     assert found.measures["energy"] == pytest.approx(2 * plain.measures["energy"])

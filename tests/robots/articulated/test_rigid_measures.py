@@ -96,7 +96,7 @@ def test_saved_designs_take_measures_again(tmp_path):
     robot = crawler()
     robot.save(robot.start, tmp_path / "design.json")
     again = load_design(tmp_path / "design.json").changed({"own_measures": OWN})
-    names = ["speed", "distance", "energy", "mass", "strength", "way", "pose"]
+    names = ["speed", "distance", "energy", "mass", "torque_limits", "way", "pose"]
     assert [measure.name for measure in again.measures] == names
     with pytest.raises(ValueError, match=r"^heading: articulated robot has its own; leave it out$"):
         load_design(tmp_path / "design.json").changed({"own_measures": OWN, "heading": 1.0})
