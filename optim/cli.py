@@ -41,7 +41,7 @@ from optim.interrupts import EndedBySignals, stopped_by
 from optim.notes import notes, plain, say
 from taichi_sim.base.checks import nearest
 from taichi_sim.base.disk_faults import unwritten
-from taichi_sim.base.foreign import OWN_PACKAGES, blame, blame_package, failure_of, lacks_memory
+from taichi_sim.base.foreign import OWN_PACKAGES, blame, blame_package, blaming_package, lacks_memory
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
@@ -197,7 +197,7 @@ def main(arguments: Sequence[str | os.PathLike[str]] | None = None) -> int:
     except _Told:  # of what a file of options says
         raise
     except BaseException as raised:
-        return _refuse(args.command, failure_of(raised))
+        return _refuse(args.command, blaming_package(raised))
     code = _print(args.command, text, int(report.code))
     return code if report.error is None else _refuse(args.command, report.error)
 
@@ -232,7 +232,7 @@ def _refuse(command: str, error: Exception) -> int:
     if lacks_memory(error):
         advice = "give it more, or ask for less: fewer points or draws at a time, frames or threads"
         return _fail(command, f"failed: there is not enough memory for this ({_reason(error)}); {advice}", FAILED)
-    if told := blame(error):
+    if told := blame(error) or blame_package(error):
         return _fail(command, f"failed: {told}", FAILED)
     if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
         return _fail(
@@ -242,8 +242,6 @@ def _refuse(command: str, error: Exception) -> int:
         error = _unusable(error)
     if isinstance(error, ValueError):
         return _fail(command, f"error: {error}", BAD_INPUT)
-    if not isinstance(error, OSError) and (told := blame_package(error)):
-        return _fail(command, f"failed: {told}", FAILED)
     # A RecursionError is a RuntimeError of Python's own, which says nothing to a user.
     if isinstance(error, OSError | RuntimeError) and not isinstance(error, RecursionError):
         return _fail(command, f"failed: {error}", FAILED)

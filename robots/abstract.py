@@ -15,15 +15,7 @@ from numpy.typing import ArrayLike
 from robots.abilities import Abilities
 from robots.delegation import delegating
 from robots.kind import KINDS, OWN_MEASURES_FIELD
-from robots.outcome import (
-    Facts,
-    Measure,
-    Outcome,
-    Place,
-    Replay,
-    World,
-    checked_outcome,
-)
+from robots.outcome import Facts, Measure, Outcome, Place, Replay, World, checked_motion, checked_outcome
 from robots.points import checked_design, checked_points
 from robots.terrain_fields import check_taken
 from robots.trial import HERE, Progress, Trial
@@ -32,6 +24,7 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_record
+from taichi_sim.base.foreign import staying
 from taichi_sim.base.short_text import ShortText
 from taichi_sim.base.variables import Variable
 
@@ -92,7 +85,9 @@ class Robot(Abilities, ShortText):
         """Run the robot, and check what comes of it."""
         self._check_world(trial.world)
         measures = self.measures_in([trial.world])
-        return checked_outcome(self.run(points.copy(), trial), self, measures, points.shape, trial.gradients)
+        with staying():
+            given = self.run(points.copy(), trial)
+        return checked_outcome(given, self, measures, points.shape, trial.gradients)
 
     def _check_world(self, world: World) -> None:
         """Refuse a terrain with fields that the robot does not take, where it says which it takes."""
@@ -258,7 +253,9 @@ class Robot(Abilities, ShortText):
         outcome = fixed.simulate((), world, compute=compute, record_every=every, progress=progress)
         if outcome.reason[0]:
             raise ValueError(f"source: {name} is no robot: {outcome.reason[0]}")
-        motion = fixed.motion(outcome, world, name)
+        motion = checked_motion(
+            fixed.motion(outcome, world, name), fixed.robot if isinstance(fixed, FixedRobot) else fixed
+        )
         return Replay(outcome, motion.every(-(-len(motion.times) // frames)), fixed.title_of(outcome, world))
 
     def design(self, point: ArrayLike) -> "Robot":

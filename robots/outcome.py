@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.base.foreign import method_of, returned
 from taichi_sim.base.short_text import ShortText, decimal
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ class Outcome(ShortText):
     result: Any = None
 
     def __post_init__(self) -> None:
-        measures = {name: np.atleast_1d(np.array(values, float)) for name, values in self.measures.items()}
+        measures = {name: np.atleast_1d(_real(f"measures of {name}", each)) for name, each in self.measures.items()}
         shapes = {values.shape for values in measures.values()}
         if len(shapes) != 1 or len(shape := shapes.pop()) != 1:
             told = ", ".join(f"{name} {values.shape}" for name, values in measures.items()) or "none"
@@ -121,7 +122,7 @@ class Outcome(ShortText):
         status[(status == OK) & ~whole] = DIVERGED
         for values in measures.values():
             values[status != OK] = np.nan
-        gradients = {name: np.array(slopes, float) for name, slopes in self.gradients.items()}
+        gradients = {name: _real(f"gradients of {name}", slopes) for name, slopes in self.gradients.items()}
         for name, slopes in gradients.items():
             if slopes.ndim != 2 or len(slopes) != count:
                 raise TypeError(
@@ -141,6 +142,13 @@ class Outcome(ShortText):
         return np.where(self.reason == "", self.status, self.reason)
 
 
+def _real(what: str, given: Any) -> Floats:
+    """Numbers as an array of their own; a TypeError for complex ones, of which a part would be lost."""
+    if np.iscomplexobj(given):
+        raise TypeError(f"{what} are complex, which is not allowed; give real numbers")
+    return np.array(given, float)
+
+
 def checked_outcome(
     given: object, who: object, measures: Sequence[Measure], shape: tuple[int, ...], asked: Sequence[str] = ()
 ) -> Outcome:
@@ -156,20 +164,31 @@ def checked_outcome(
     Raises:
         ValueError: for something else, a measure that is missing, and arrays of other points or parameters.
     """
-    run = f"robot: {type(who).__module__}.{type(who).__qualname__}.run"
-    if not isinstance(given, Outcome):
-        raise ValueError(f"{run} returns a value of type {type(given).__name__}; return an Outcome")
+    run = f"robot: {method_of(who, 'run')}"
+    outcome = returned(given, Outcome, run, "an Outcome")
     for name in (measure.name for measure in measures):
-        if name not in given.measures:
-            raise ValueError(f"{run} returns an Outcome without the measure {name}; it has {', '.join(given.measures)}")
-    arrays = {**given.measures, "status": given.status, "reason": given.reason, "steps": given.steps}
-    slopes = {name: given.gradients[name] for name in asked if name in given.gradients}
+        if name not in outcome.measures:
+            has = ", ".join(outcome.measures)
+            raise ValueError(f"{run} returns an Outcome without the measure {name}; it has {has}")
+    arrays = {**outcome.measures, "status": outcome.status, "reason": outcome.reason, "steps": outcome.steps}
+    slopes = {name: outcome.gradients[name] for name in asked if name in outcome.gradients}
     for wanted, found in ((shape[:1], arrays), (shape, slopes)):
         for name, values in found.items():
             if values.shape != wanted:
                 what = name if found is arrays else f"a gradient of {name}"
                 raise ValueError(f"{run} returns {what} of shape {values.shape}; give {wanted} for points of {shape}")
-    return given
+    return outcome
+
+
+def checked_motion(given: object, who: object) -> "Motion":
+    """What a robot's ``motion`` gave, if it is a motion.
+
+    Raises:
+        ValueError: for something else.
+    """
+    from robots.view.motion import Motion  # which imports the engines
+
+    return returned(given, Motion, f"robot: {method_of(who, 'motion')}", "a Motion")
 
 
 def recorded(frames: object | None) -> dict[str, NDArray[Any]]:

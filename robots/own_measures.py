@@ -21,7 +21,7 @@ from taichi_sim.autodiff.arrays import value_of
 from taichi_sim.autodiff.tracing import Traced
 from taichi_sim.base.checks import known_names
 from taichi_sim.base.files import content_of, sha256
-from taichi_sim.base.foreign import class_and_message, failure_of, modules_beside, users_code
+from taichi_sim.base.foreign import class_and_message, failure_of, lacks_memory, modules_beside, users_code
 from taichi_sim.base.registry import Registry
 
 OF_OBJECTIVES = ("mean", "each", "worst")  # words that say how worlds are combined
@@ -102,6 +102,8 @@ class OwnMeasure(Measure):
             with np.errstate(all="ignore"), self._modules_beside():  # errors of robots that diverged
                 found = self.law(motion)
         except BaseException as raised:  # whatever a user's law may raise
+            if lacks_memory(raised):
+                raise
             error = failure_of(raised)
             has = f"; it has {', '.join(_members(motion))}" if getattr(error, "obj", None) is motion else ""
             raise ValueError(f"own_measures: {self.name} fails: {class_and_message(raised)}{has}") from error

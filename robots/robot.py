@@ -37,12 +37,14 @@ from robots.trial import HERE as HERE
 from robots.trial import Progress as Progress
 from robots.trial import Trial as Trial
 from robots.trial import part_of as part_of
-from taichi_sim.base.checks import known_names, number, table
+from taichi_sim.base.checks import known_names, number, shown, table
 from taichi_sim.base.compute import Compute as Compute
 from taichi_sim.base.files import read_record, read_text
+from taichi_sim.base.foreign import method_of, returned, staying
 from taichi_sim.base.options import Option as Option
 from taichi_sim.base.parsing import RepeatedNameError, parse_json
 from taichi_sim.base.results_folder import BEST_DESIGN
+from taichi_sim.base.variables import Variable
 
 
 def find_robot(text: str) -> tuple[RobotKind, str | None] | None:
@@ -131,12 +133,15 @@ def make_robot(kind: RobotKind, source: str | None, options: Mapping[str, Any]) 
     """
     if source is not None and _record_of(Path(source)).get("format") == DESIGN_FORMAT:
         return load_design(Path(source)).changed(options)
-    robot: object = kind.build(source, options)
-    built = f"robot: {type(kind).__module__}.{type(kind).__qualname__}.build"
-    if not isinstance(robot, Robot):
-        raise ValueError(f"{built} returns a value of type {type(robot).__name__}; return a Robot")
+    built = f"robot: {method_of(kind, 'build')}"
+    with staying():
+        robot = returned(kind.build(source, options), Robot, built, "a Robot")
     if not getattr(robot, "measures", ()):
         raise ValueError(f"{built} returns a robot without measures; name one at least, by which it is judged")
+    for what, wanted, noun in (("parameters", Variable, "Parameter"), ("measures", Measure, "Measure")):
+        given = getattr(robot, what)
+        if not isinstance(given, tuple | list) or not all(isinstance(each, wanted) for each in given):
+            raise ValueError(f"{built} returns a robot whose {what} are {shown(given)}; give a tuple of {noun} objects")
     warn_of_doubts(robot)
     return robot
 

@@ -6,6 +6,7 @@ import pytest
 from plug_in import install
 
 from optim.problems.objectives import OBJECTIVES
+from optim.search import METHODS
 from optim.studies.catalogue import STUDIES
 from robots.robot import KINDS
 
@@ -13,6 +14,7 @@ MODULE = """
 import numpy as np
 
 from optim.problems.objectives import RobotObjective
+from optim.search.population import PopulationSearch
 from robots.robot import Measure, Option, Outcome, Parameter, Robot, RobotKind
 
 
@@ -25,6 +27,7 @@ class Base(Robot):
 
 def kind_of(title, run, **more):
     made = type("Of" + title.capitalize(), (Base,), {"kind": title, "run": run, **more})
+    globals()[made.__name__] = made  # where workers find it
     return type(title.capitalize(), (RobotKind,), {"name": title, "title": title, "build": lambda *_: made()})
 
 
@@ -46,6 +49,32 @@ Table = kind_of("table", lambda s, p, t: both(p))
 Wide = kind_of("wide", lambda s, p, t: Outcome({"height": p, "mass": p[:, 0]}))
 Unequal = kind_of("unequal", lambda s, p, t: Outcome(both(p), ["ok"]))
 Unjudged = kind_of("unjudged", lambda s, p, t: Outcome({}), measures=())
+Unlike = kind_of("unlike", lambda s, p, t: Outcome(both(p + np.ones(7))))
+Refusing = kind_of("refusing", lambda s, p, t: refuse(ValueError("world: I know none")))
+Fileless = kind_of("fileless", lambda s, p, t: open("/nowhere/at/all"))
+Speechless = kind_of("speechless", lambda s, p, t: refuse(Speechlessness()))
+Leaving = kind_of("leaving", lambda s, p, t: refuse(SystemExit("bye")))
+Complex = kind_of("complex", lambda s, p, t: Outcome({"height": p[:, 0], "mass": p[:, 1] + 1j}))
+Wordy = kind_of("wordy", None, parameters=["push", "stroke"])
+Untold = kind_of("untold", None, measures=None)
+Motionless = kind_of("motionless", lambda s, p, t: Outcome(both(p)), steps=10, motion=lambda *_: None)
+
+
+def refuse(error):
+    raise error
+
+
+class Speechlessness(Exception):
+    def __str__(self):
+        return 1 / 0
+
+
+class Askless(PopulationSearch):
+    def ask(self):
+        return None
+
+    def _take(self, points, evaluation):
+        pass
 
 
 class Nothing(RobotKind):
@@ -95,6 +124,15 @@ KINDS_OF_IT = (
     "Wide",
     "Unequal",
     "Unjudged",
+    "Unlike",
+    "Refusing",
+    "Fileless",
+    "Speechless",
+    "Leaving",
+    "Complex",
+    "Wordy",
+    "Untold",
+    "Motionless",
     "Nothing",
     "Clashing",
     "Abstract",
@@ -103,6 +141,7 @@ GROUPS = (
     (KINDS, {**{name.lower(): name for name in KINDS_OF_IT}, "number": "NUMBER", "lost": "Nowhere"}),
     (OBJECTIVES, {"scalar": "Scalar", "level": "Level", "three": "NUMBER"}),
     (STUDIES, {"number": "NUMBER"}),
+    (METHODS, {"askless": "Askless"}),
 )
 
 
@@ -133,12 +172,20 @@ MISTAKES = {
     "lacking": "error: robot: faulty_kit.OfLacking.run returns an Outcome without the measure mass; it has height\n",
     "short": f"error: robot: faulty_kit.OfShort.run returns height of shape (1,); give {SIZES}",
     "table": "error: robot: faulty_kit.OfTable.run returns a value of type dict; return an Outcome\n",
-    "failing": "failed: {module}, line 25: RuntimeError: my own fault\n",
-    "flat": "line 32: TypeError: gradients of height of shape (2,) are not allowed; give (3, parameters)\n",
-    "wide": "line 35: TypeError: measures of shapes height (3, 2), mass (3,) are not allowed; "
+    "failing": "failed: {module}, line 27: RuntimeError: my own fault\n",
+    "flat": "line 34: TypeError: gradients of height of shape (2,) are not allowed; give (3, parameters)\n",
+    "wide": "line 37: TypeError: measures of shapes height (3, 2), mass (3,) are not allowed; "
     "an Outcome has one number of each for each point\n",
-    "unequal": "line 36: TypeError: status of shape (1,) is not allowed; give (3,), one for each point\n",
+    "unequal": "line 38: TypeError: status of shape (1,) is not allowed; give (3,), one for each point\n",
     "unjudged": "returns a robot without measures; name one at least, by which it is judged\n",
+    "unlike": "failed: {module}, line 40: ValueError: operands could not be broadcast together",
+    "refusing": "error: world: I know none\n",
+    "fileless": "failed: {module}, line 42: FileNotFoundError: [Errno 2] No such file or directory: '/nowhere",
+    "speechless": "failed: {module}, line 52: Speechlessness\n",
+    "leaving": "failed: {module}, line 52: SystemExit: bye\n",
+    "complex": "line 45: TypeError: measures of mass are complex, which is not allowed; give real numbers\n",
+    "wordy": "returns a robot whose parameters are ['push', 'stroke']; give a tuple of Parameter objects\n",
+    "untold": "returns a robot without measures; name one at least, by which it is judged\n",
     "nothing": "error: robot: faulty_kit.Nothing.build returns a value of type NoneType; return a Robot\n",
     "abstract": "error: robot: 'abstract' cannot be made: Can't instantiate abstract class",
     "number": "error: robot: 'number' of the package faulty0 is of type int; give an instance of RobotKind or a class",
@@ -149,6 +196,21 @@ MISTAKES = {
 def test_a_mistake_of_a_kind_of_robot_is_told_where_it_is(faulty, morpholab, name):
     line = f"codesign --robot {name} --method genetic --population 3 --generations 0 --quiet --out a"
     assert MISTAKES[name].format(module=faulty) in refused(morpholab, line)
+
+
+@pytest.mark.parametrize("name", ["unlike", "speechless", "leaving", "fileless"])
+def test_workers_tell_where_a_mistake_of_a_kind_is(faulty, morpholab, name):
+    line = f"codesign --robot {name} --method genetic --population 3 --generations 0 --workers 2 --quiet --out a"
+    assert MISTAKES[name].format(module=faulty) in refused(morpholab, line)
+
+
+def test_a_motion_and_points_of_other_types_are_told(faulty, morpholab):
+    told = refused(morpholab, "view motionless --quiet --out a.html")
+    assert told == "error: robot: faulty_kit.OfMotionless.motion returns a value of type NoneType; return a Motion\n"
+    told = refused(morpholab, "codesign --robot sound --method askless --generations 1 --quiet --out a")
+    assert told == (
+        "error: method: faulty_kit.Askless.ask returns a value of type NoneType; return an array of shape (N, D)\n"
+    )
 
 
 def test_gradients_for_a_part_of_the_parameters_are_told(faulty, morpholab):

@@ -104,8 +104,10 @@ def _fit(args: argparse.Namespace) -> Report:
 
         args.out.mkdir(parents=True, exist_ok=True)
         with undone_if_it_fails() as made:
-            made += [args.out / "calibration.json", args.out / "calibration.png"]
+            made.append(args.out / "calibration.json")
             write_record(args.out / "calibration.json", CALIBRATION_FORMAT, record)
+        with undone_if_it_fails() as made:  # the fit stays if there is no room for its picture
+            made.append(args.out / "calibration.png")
             save_calibration(found.experiments, result.predictions, args.out / "calibration.png")
         return f"{args.out}: calibration.json, calibration.png"
 

@@ -11,6 +11,7 @@ import numpy as np
 from optim.problem import Objective
 from robots.robot import Measure, Outcome, World
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.foreign import method_of
 from taichi_sim.base.registry import Registry
 
 DERIVATIVES = {"score": "slopes", "combined": "combined_slopes", "values": "gradients"}  # of methods
@@ -102,7 +103,7 @@ class RobotObjective:
         except (TypeError, ValueError):
             found = np.empty(())
         if shape is not None and found.shape != shape:
-            what = f"objective: {type(self).__module__}.{type(self).__qualname__}.{method}"
+            what = f"objective: {method_of(self, method)}"
             raise ValueError(f"{what} returns a value of shape {found.shape}; return an array of shape {shape}")
         return found
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from optim.problem import Evaluation
 from optim.search.method import Method, next_request
 from taichi_sim.base.arrays import Arrays, Floats
-from taichi_sim.base.foreign import lacks_memory
+from taichi_sim.base.foreign import lacks_memory, said_by
 
 Thing = TypeVar("Thing")
 
@@ -80,7 +80,7 @@ class Rehearsal:
         except Exception as error:
             if lacks_memory(error):
                 raise
-            said = " ".join(str(error).split())
+            said = said_by(error)
             if call == "restore" and isinstance(error, ValueError):  # its message says what is wrong
                 raise ValueError(f"method: {self._name} cannot be restored from its own checkpoint: {said}") from error
             raise ValueError(

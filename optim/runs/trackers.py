@@ -17,7 +17,7 @@ import numpy as np
 from optim.runs.config import identity, score_in
 from optim.runs.history import History
 from taichi_sim.base.files import make_folder, read_bytes, write_bytes
-from taichi_sim.base.foreign import needing
+from taichi_sim.base.foreign import needing, said_by
 
 EVENTS = "events.out.tfevents.0.morpholab"
 MLFLOW_AT_ONCE = 1000  # metrics of a request
@@ -138,7 +138,7 @@ def to_mlflow(runs: Mapping[str, History], address: str) -> None:
     try:
         _send_to_mlflow(runs, MlflowClient(tracking_uri=address))
     except MlflowException as error:
-        raise ValueError(f"mlflow: {address!r} does not take it: {' '.join(str(error).split())}") from None
+        raise ValueError(f"mlflow: {address!r} does not take it: {said_by(error)}") from None
 
 
 def _send_to_mlflow(runs: Mapping[str, History], client: Any) -> None:

@@ -11,6 +11,7 @@ from optim.problem import Evaluation, Evaluator, Minibatch, Request, minibatches
 from optim.problem import Wants as Wants
 from optim.space import Space
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints, mean_of
+from taichi_sim.base.foreign import method_of, returned
 
 MOST_POINTS = 100_000  # of a generation: more are an oversight, and may not fit into memory
 LARGEST = 1e100  # of values and slopes: beyond it is failure, whose square would not be finite
@@ -125,8 +126,13 @@ class Method(Protocol):
 
 
 def next_request(method: Method) -> Request:
-    """Collect what a method wants evaluated next: points, mode, sharpness and minibatch."""
-    return Request(method.ask(), method.wants, method.sharpness, method.minibatch)
+    """Collect what a method wants evaluated next: points, mode, sharpness and minibatch.
+
+    Raises:
+        ValueError: if its points are no array.
+    """
+    points = returned(method.ask(), np.ndarray, f"method: {method_of(method, 'ask')}", "an array of shape (N, D)")
+    return Request(points, method.wants, method.sharpness, method.minibatch)
 
 
 def check_fit(method: Method, problem: Evaluator) -> None:

@@ -4,6 +4,8 @@ import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from taichi_sim.base.foreign import said_by
+
 # Of a path that cannot be what was asked. All others, such as of a full or broken disk, are failures.
 _OF_PATHS = (
     *(errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENOTEMPTY, errno.ENAMETOOLONG, errno.ELOOP),
@@ -21,7 +23,7 @@ def unwritten(what: str, error: OSError, begun: bool = True) -> ValueError | Run
         begun: whether work has begun; a disk that is read-only is a wrong path before, and a broken disk then.
     """
     of_path = error.errno in _OF_PATHS or (error.errno == errno.EROFS and not begun)
-    return (ValueError if of_path else RuntimeError)(f"{what} ({error.strerror or ' '.join(str(error).split())})")
+    return (ValueError if of_path else RuntimeError)(f"{what} ({error.strerror or said_by(error)})")
 
 
 @contextmanager

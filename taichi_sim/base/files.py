@@ -25,6 +25,7 @@ from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.checks import shown
 from taichi_sim.base.disk_faults import told_as
 from taichi_sim.base.file_kinds import LARGEST, check_plain_file, place_to_write
+from taichi_sim.base.foreign import said_by
 from taichi_sim.base.parsing import RepeatedNameError, parse_json
 
 Design = TypeVar("Design")
@@ -201,7 +202,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 def why_unread(error: Exception) -> str:
     """Reason why a file could not be read or understood, without its name."""
-    return (error.strerror if isinstance(error, OSError) else None) or " ".join(str(error).split())
+    return (error.strerror if isinstance(error, OSError) else None) or said_by(error)
 
 
 def write_record(path: str | os.PathLike[str], form: str, record: Mapping[str, Any]) -> None:

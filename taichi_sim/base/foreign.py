@@ -1,6 +1,7 @@
 """Runs code that is not morpholab's, users' files and optional packages, and tells whose fault an exception is."""
 
 import contextlib
+import dis
 import errno
 import os
 import sys
@@ -9,6 +10,7 @@ from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 from types import FrameType, ModuleType
+from typing import TypeVar
 
 # What loaders, compilers and C++ say where memory ends; the last is of a thread whose stack finds no place.
 NO_MEMORY = (
@@ -19,6 +21,7 @@ BLAMED = "a fault of "  # how notes at exceptions begin that say whose fault the
 LONGEST_SAID = 300  # characters of what an exception says
 OWN_PACKAGES = "morpholab", "optim", "robots", "taichi_sim"
 GROUPS = "morpholab."  # how the names of all groups of entry points begin
+Wanted = TypeVar("Wanted")
 
 
 @contextlib.contextmanager
@@ -37,6 +40,24 @@ def needing(field: str, packages: str, extra: str) -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def staying() -> Iterator[None]:
+    """Run users' code inside, which may change the working folder: it is the same again afterwards.
+
+    Relative paths of a command, such as where results go, are meant from there.
+    """
+    try:
+        here = os.getcwd()
+    except OSError:  # it has been deleted, and nobody can return to it
+        here = ""
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            if here and os.getcwd() != here:
+                os.chdir(here)
+
+
+@contextlib.contextmanager
 def users_code(file: object) -> Iterator[None]:
     """Run a user's file inside; an exception that leaves it is told in one line, with the name of the file.
 
@@ -44,7 +65,8 @@ def users_code(file: object) -> Iterator[None]:
         ValueError: for any exception and for an exit, but for Ctrl-C and lack of memory, which pass.
     """
     try:
-        yield
+        with staying():
+            yield
     except KeyboardInterrupt:
         raise
     except BaseException as error:
@@ -123,7 +145,8 @@ def blamed(file: str, run_as: str) -> Iterator[None]:
         run_as: path under which Python has run it.
     """
     try:
-        yield
+        with staying():
+            yield
     except BaseException as raised:
         error = failure_of(raised)
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == run_as]
@@ -132,6 +155,28 @@ def blamed(file: str, run_as: str) -> Iterator[None]:
         if error is not raised:
             raise error from None
         raise
+
+
+def method_of(user: object, name: str) -> str:
+    """How to tell people of a method of a user's class: ``module.Class.name``."""
+    return f"{type(user).__module__}.{type(user).__qualname__}.{name}"
+
+
+def returned(given: object, wanted: type[Wanted], place: str, noun: str) -> Wanted:
+    """What users' code returned, if it is of the type that is wanted.
+
+    Args:
+        given: what it returned.
+        wanted: the type.
+        place: what returned it, such as ``"robot: package.Hopper.run"``.
+        noun: what it should return, for people.
+
+    Raises:
+        ValueError: if it is of another type.
+    """
+    if not isinstance(given, wanted):
+        raise ValueError(f"{place} returns a value of type {type(given).__name__}; return {noun}")
+    return given
 
 
 def failure_of(raised: BaseException) -> Exception:
@@ -156,23 +201,57 @@ def blamed_package() -> Iterator[None]:
     try:
         yield
     except BaseException as raised:
-        error = failure_of(raised)
-        if told := blame_package(raised):
-            error.add_note(f"{BLAMED}{told}")
+        error = blaming_package(raised, refusals=True)
         if error is not raised:
             raise error from None
         raise
 
 
-def blame_package(error: BaseException) -> str:
-    """File and line of a package that adds to morpholab in which an exception was raised; empty if in none."""
+def blaming_package(raised: BaseException, refusals: bool = False) -> Exception:
+    """What was raised, as :func:`failure_of` has it, with a note of :func:`blame_package` if a package is at fault.
+
+    Raises:
+        KeyboardInterrupt: if that is what was raised.
+    """
+    error = failure_of(raised)
+    if told := blame_package(raised, refusals):
+        error.add_note(f"{BLAMED}{told}")
+    return error
+
+
+def blame_package(error: BaseException, refusals: bool = False) -> str:
+    """File and line of a package that adds to morpholab which is at fault for an exception; empty if none is.
+
+    A refusal, a ValueError or error of the system that morpholab or the package raises on purpose, is a fault only
+    where ``refusals`` says that there is nothing to refuse.
+    """
     if lacks_memory(error) or blame(error):
         return ""
-    entries = (entry for package in metadata.distributions() for entry in package.entry_points)
-    packages = {entry.module.partition(".")[0] for entry in entries if entry.group.startswith(GROUPS)}
+    if not refusals and isinstance(error, ValueError | OSError) and _is_meant(error):
+        return ""
+    packages = _packages_that_add()
     walked = traceback.walk_tb(error.__traceback__)
     frames = [(frame, line) for frame, line in walked if _package_of(frame) in packages]
     return _place_and_message(error, frames[-1][0].f_code.co_filename, frames[-1][1]) if frames else ""
+
+
+def _is_meant(error: BaseException) -> bool:
+    """Whether morpholab or a package's own ``raise`` made an exception, not what it calls, such as NumPy."""
+    inner = last = None
+    packages = {*OWN_PACKAGES, *_packages_that_add()}
+    each = error.__traceback__
+    while each is not None:
+        inner, each = each, each.tb_next
+        last = inner if _package_of(inner.tb_frame) in packages else last
+    if last is None or _package_of(last.tb_frame) in OWN_PACKAGES:
+        return True
+    return last is inner and dis.opname[last.tb_frame.f_code.co_code[last.tb_lasti]] == "RAISE_VARARGS"
+
+
+def _packages_that_add() -> set[str]:
+    """Names of the modules of installed packages that add to morpholab."""
+    entries = (entry for package in metadata.distributions() for entry in package.entry_points)
+    return {entry.module.partition(".")[0] for entry in entries if entry.group.startswith(GROUPS)}
 
 
 def _package_of(frame: FrameType) -> str:
@@ -186,9 +265,17 @@ def _place_and_message(error: BaseException, file: str, line: int | None) -> str
 
 def class_and_message(error: BaseException) -> str:
     """The class of an exception and what it says, in one line that is cut off if it is long."""
-    said = " ".join(str(error).split())
+    said = said_by(error)
     told = said if len(said) <= LONGEST_SAID else f"{said[:LONGEST_SAID]}... ({len(said)} characters)"
     return f"{type(error).__name__}{told and ': '}{told}"
+
+
+def said_by(error: BaseException) -> str:
+    """What an exception says, in one line; nothing if it fails to say it."""
+    try:
+        return " ".join(str(error).split())
+    except Exception:  # of a class of users' code
+        return ""
 
 
 def blame(error: BaseException) -> str:
@@ -201,7 +288,7 @@ def lacks_memory(error: BaseException) -> bool:
     """Whether memory is the reason of an error, be it Python's, the system's, a loader's or a compiler's."""
     if isinstance(error, OSError) and error.errno == errno.ENOMEM:
         return True
-    told = isinstance(error, RuntimeError | ImportError) and any(words in str(error) for words in NO_MEMORY)
+    told = isinstance(error, RuntimeError | ImportError) and any(words in said_by(error) for words in NO_MEMORY)
     return told or isinstance(error, MemoryError)
 
 

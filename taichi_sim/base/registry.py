@@ -9,7 +9,7 @@ from functools import lru_cache
 from importlib import metadata
 from typing import Generic, TypeVar
 
-from taichi_sim.base.foreign import failure_of
+from taichi_sim.base.foreign import failure_of, lacks_memory, said_by, staying
 from taichi_sim.base.lazy import imported
 
 Thing = TypeVar("Thing")
@@ -122,10 +122,13 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
                 f"{self.noun}: {name!r} is defined by several packages ({packages}); uninstall all but one"
             )
         try:
-            loaded: Thing = entries[0].load()
+            with staying():
+                loaded: Thing = entries[0].load()
         except BaseException as raised:
+            if lacks_memory(raised):
+                raise
             error = failure_of(raised)
-            why = " ".join(str(error).split()) or type(error).__name__
+            why = said_by(error) or type(error).__name__
             raise ValueError(f"{self.noun}: {name!r} of the package {packages} cannot be imported ({why})") from raised
         self._check_type(name, packages, loaded)
         return loaded

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from optim.problem import Evaluation, Problem, Request, evaluate_request
-from taichi_sim.base.foreign import class_and_message, failure_of
+from taichi_sim.base.foreign import blaming_package, class_and_message
 
 # Variables from which NumPy's linear algebra and other libraries read their number of threads when they are loaded.
 THREAD_VARIABLES = (
@@ -31,7 +31,7 @@ class Raised:
         """What users' code has raised in a worker. Workers ignore Ctrl-C: the code raised interrupts, too."""
         if isinstance(raised, KeyboardInterrupt):
             return cls(KeyboardInterrupt())
-        return cls(portable(failure_of(raised)))
+        return cls(portable(blaming_package(raised)))
 
 
 Answer = Evaluation | Raised | None
@@ -99,7 +99,7 @@ def portable(error: Exception) -> Exception:
         pickle.loads(pickle.dumps(error))
     except Exception:
         notes = getattr(error, "__notes__", [])
-        error = RuntimeError(f"{type(error).__name__}: {error}")
+        error = RuntimeError(class_and_message(error))
         for note in notes:
             error.add_note(note)
     error.add_note(f"in a worker:\n{where}")

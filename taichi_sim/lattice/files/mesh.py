@@ -16,6 +16,7 @@ from scipy import ndimage
 
 from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.file_kinds import check_plain_file
+from taichi_sim.base.foreign import said_by
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.files.arrays import body_from_array
 from taichi_sim.lattice.materials import Material
@@ -215,7 +216,7 @@ def _loaded(mesh: Any) -> "trimesh.Trimesh":
             mesh = trimesh.load_mesh(mesh)
             mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
         except Exception as error:  # readers of a dozen formats fail in as many ways
-            raise ValueError(f"mesh: {mesh} cannot be read: {' '.join(str(error).split())}") from None
+            raise ValueError(f"mesh: {mesh} cannot be read: {said_by(error)}") from None
     if isinstance(mesh, trimesh.Scene):
         mesh = mesh.to_mesh()
     if not isinstance(mesh, trimesh.Trimesh):

@@ -51,9 +51,16 @@ def test_a_calibration_that_a_kill_has_cut_off_can_be_repeated(morpholab, tmp_pa
         shutil.copytree(tmp_path / "fit", tmp_path / "killed")
         save(*given)
 
+    def full(*given):
+        raise RuntimeError("the disk is full")
+
     monkeypatch.setattr("optim.calibration.calibrate", calibrated)
-    monkeypatch.setattr(report, "save_calibration", killed)
+    monkeypatch.setattr(report, "save_calibration", full)
     (tmp_path / "a.toml").write_text(DRAGS[: DRAGS.rindex("[[drag]]")])
+    code, out, error = morpholab("calibrate a.toml --out part --quiet --threads 1")
+    assert (code, error) == (1, "morpholab calibrate: failed: the disk is full\n") and "friction" in out
+    assert [path.name for path in (tmp_path / "part").iterdir()] == ["calibration.json"]  # the work is not lost
+    monkeypatch.setattr(report, "save_calibration", killed)
     assert morpholab("calibrate a.toml --out fit --quiet --threads 1")[0] == 0
     assert {path.name for path in (tmp_path / "killed").iterdir()} == {"calibration.json", ".aside-claim"}
     monkeypatch.setattr(report, "save_calibration", save)

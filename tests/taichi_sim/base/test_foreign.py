@@ -2,6 +2,7 @@
 
 import asyncio
 import errno
+import os
 import pickle
 import sys
 
@@ -120,6 +121,34 @@ def test_an_exception_of_other_files_of_that_name_is_no_fault_of_the_file(tmp_pa
     with pytest.raises(ValueError, match=r"^$") as found, foreign.blamed("own.py", "/elsewhere/own.py"):
         judge()
     assert foreign.blame(found.value) == ""
+
+
+def test_users_code_leaves_the_working_folder_as_it_was(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    judge, path = own(tmp_path, "import os\ndef judge(fails):\n    os.chdir('/')\n    1 / (not fails)\n")
+    for users in (foreign.staying(), foreign.users_code("own.py"), foreign.blamed("own.py", path)):
+        with users:
+            judge(False)
+        assert os.getcwd() == str(tmp_path)
+    with pytest.raises(ValueError, match=r"own.py: ZeroDivisionError"), foreign.users_code("own.py"):
+        judge(True)
+    assert os.getcwd() == str(tmp_path)
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    with foreign.staying():
+        judge(False)
+
+
+def test_what_an_exception_says_is_one_line_or_nothing():
+    class Speechless(ValueError):
+        def __str__(self):
+            raise OSError
+
+    assert foreign.said_by(ValueError("a\n b")) == "a b"
+    assert foreign.said_by(Speechless()) == ""
+    assert foreign.class_and_message(Speechless("a")) == "Speechless" and not foreign.lacks_memory(Speechless())
 
 
 def test_nobody_is_blamed_for_lack_of_memory_or_an_error_of_no_file():
