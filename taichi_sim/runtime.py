@@ -387,7 +387,19 @@ def callable_in_kernels(function: Callable[..., Any]) -> Any:
 
 
 def emit(value: Any) -> Any:
-    """A variable of the kernel being compiled that holds an expression; its later uses do not compute it again."""
+    """An expression of the kernel being compiled as a variable, which nobody assigns: uses do not compute it again.
+
+    What has been emitted is not again: each variable costs the compiler time that grows with those around it.
+    """
+    if not isinstance(value, ti.lang.expr.Expr) or hasattr(value, "is_emitted"):
+        return value
+    variable = variable_of(value)
+    variable.is_emitted = True
+    return variable
+
+
+def variable_of(value: Any) -> Any:
+    """A new variable of the kernel being compiled, which may be assigned other values; a Python value stays one."""
     return ti.lang.impl.expr_init(value) if isinstance(value, ti.lang.expr.Expr) else value
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from taichi_sim.autodiff.tracing import Condition, law, primitive, select
 from taichi_sim.base.arrays import aligned
-from taichi_sim.runtime import element, emit, inside_kernel, ti
+from taichi_sim.runtime import element, emit, inside_kernel, ti, variable_of
 
 NATIVE_WIDTH = {"f32": 16, "f64": 8}  # 512 bits; LLVM splits them where the machine has less
 WIDTHS = (1, 2, 4, 8, 16, 32)  # LLVM lays out no others without gaps
@@ -149,13 +149,13 @@ def load(memory: Any, k: Any, slot: Any) -> Any:
     Lanes lie block by block and k is the first slot of the block; on a GPU slots lie one after the other with the
     robots side by side, so that neighbouring threads read neighbouring numbers, and k is the robot.
     """
-    return element(memory, emit(k + slot)) if len(memory.shape) == 1 else element(memory, slot, k)
+    return element(memory, k + slot) if len(memory.shape) == 1 else element(memory, slot, k)
 
 
 @primitive
 def store(memory: Any, k: Any, slot: Any, value: Any) -> None:
     """Write a slot of a robot's or block's memory."""
-    load(memory, k, slot)._assign(emit(value))
+    load(memory, k, slot)._assign(value)
 
 
 @primitive
@@ -209,15 +209,15 @@ def accumulate_all(memory: Any, k: Any, slots: Sequence[Any], values: Sequence[A
 
 @primitive
 def variables(values: Sequence[Any]) -> list[Any]:
-    """Variables of the kernel that hold these values."""
-    return [emit(value) for value in values]
+    """New variables of the kernel that hold these values, to be changed by ``assign_all``."""
+    return [variable_of(value) for value in values]
 
 
 @primitive
 def assign_all(targets: Sequence[Any], values: Sequence[Any]) -> None:
     """Give variables new values."""
     for target, value in zip(targets, values, strict=True):
-        target._assign(emit(value))
+        target._assign(value)
 
 
 @primitive

@@ -25,7 +25,7 @@ HEAD = 8
 def cell_of(x: Any, y: Any, first: Any, relief: Any) -> tuple[Any, ...]:
     """First corner (2) and table (10) of the cell at (x, y) of the grid that begins at ``first``, or nearest to it."""
     slot, x0, y0 = place_of(x, y, first, relief)
-    return (x0, y0, *(emit(element(relief, emit(slot + i))) for i in range(CELL)))
+    return (x0, y0, *(emit(element(relief, slot + i)) for i in range(CELL)))
 
 
 @primitive

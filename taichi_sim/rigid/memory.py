@@ -7,7 +7,7 @@ from taichi_sim.autodiff.lanes import load, store
 from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.ground.cells import PER_CELL, cell_of, cells_of
 from taichi_sim.rigid import slots
-from taichi_sim.runtime import element, emit, ti
+from taichi_sim.runtime import element, emit, ti, variable_of
 
 Pieces = tuple[tuple[Any, int], ...]  # first slots of runs of slots, and their lengths
 
@@ -117,7 +117,7 @@ def scatter(robots: Block, pieces: Pieces, values: Sequence[Any], written: Seque
 @primitive
 def variables(count: int, start: Any) -> tuple[Any, ...]:
     """So many variables of a kernel, to be changed by ``assign``."""
-    return tuple(emit(start) for _ in range(count))
+    return tuple(variable_of(start) for _ in range(count))
 
 
 @primitive

@@ -145,7 +145,7 @@ def in_variables(shared: Shared) -> Shared:
 @primitive
 def grid_of(robot: Any, plan: Any) -> Any:
     """Where the ground of a robot begins in ``relief``; a plan ends with that of each robot where it is uneven."""
-    return emit(element(plan, emit(robot + PLAN_LENGTH)))
+    return emit(element(plan, robot + PLAN_LENGTH))
 
 
 @primitive

@@ -40,10 +40,10 @@ def cell_under(x: Any, y: Any, k: Any, t: columns.Shared) -> tuple[Any, ...]:
 def water_of(k: Any, t: columns.Shared) -> tuple[Any, ...]:
     """Level of a robot's water over the floor [m], its weight and the mass carried along, per volume."""
     first = first_of_grid(k, t)
-    return tuple(emit(element(t.relief, emit(first + place))) for place in (LEVEL, WEIGHT, CARRIED))
+    return tuple(emit(element(t.relief, first + place)) for place in (LEVEL, WEIGHT, CARRIED))
 
 
 @primitive
 def yield_of(k: Any, t: columns.Shared) -> Any:
     """Stress per depth at which the ground of a robot yields [N/m^3]."""
-    return emit(element(t.relief, emit(first_of_grid(k, t) + YIELD)))
+    return emit(element(t.relief, first_of_grid(k, t) + YIELD))
