@@ -138,9 +138,9 @@ class _Table:
             raise self.error(f"{name}: {len(found)} values are not allowed; give one")
         return float(found[0])
 
-    def measured(self, name: str, at: Floats | None) -> tuple[Floats, Floats | None]:
+    def measured(self, name: str, at: Floats | None, low: float = -math.inf) -> tuple[Floats, Floats | None]:
         """Values and standard deviations; a single deviation applies to all values."""
-        values, deviations = self.required(name), self.column(name, "_sd", 0.0)
+        values, deviations = self.required(name, low), self.column(name, "_sd", 0.0)
         if at is not None and len(values) != len(at):
             raise self.error(f"{name}: {len(values)} values are not allowed for {len(at)} points; give as many")
         if deviations is None:
@@ -169,6 +169,9 @@ def _experiment(table: _Table, read: Callable[[_Table], Experiment]) -> Experime
 def _drag(table: _Table) -> Drag:
     at = table.required("displacement", 0.0)
     forces, deviations = table.measured("force", at)
+    if forces.mean() < 0:
+        told = f"a mean of {forces.mean():.3g} N is not allowed; forces that resist the drag are positive"
+        raise table.error(f"force: {told}")
     load, foot = table.single("load", 0.0), choice(f"{table.where}: foot", table.left.pop("foot", "grips"), _FEET)
     if load == 0 or at.max() == 0:
         raise table.error(f"{'displacement' if load else 'load'}: 0 is not allowed; it must be positive")
@@ -178,7 +181,7 @@ def _drag(table: _Table) -> Drag:
 def _diameter(table: _Table) -> Diameter:
     at = table.required("pressure", 0.0)
     side = table.either(*SIDES)
-    values, deviations = table.measured(side, at)
+    values, deviations = table.measured(side, at, 0.0)
     for pressure in at:
         number(f"{table.where}: pressure", round(float(pressure), 6), 0.0, MAXIMUM_PRESSURE, "Pa")
     return Diameter(at, values, side, deviations)

@@ -123,6 +123,12 @@ BAD = [
     ("0.31, 0.29", "0.31", "drag 1: force: 2 values are not allowed for 3 points; give as many"),
     ("0.31", "nan", "drag 1: force_n: nan is not allowed; give a finite number"),
     ("0.31", '"0.31"', "drag 1: force_n: '0.31' is not allowed; give a finite number"),
+    (
+        "[0.3, 0.31, 0.29]",
+        "[-0.3, 0.31, -0.29]",
+        "drag 1: force: a mean of -0.0933 N is not allowed; ",
+    ),
+    ("[11.0, 10.5]", "[11.0, -10.5]", "diameter 1: width_cm: -10.5 is not allowed; give a finite number, at least 0"),
     ("force_sd_mn = 5", "force_sd_mn = 0", "drag 1: force_sd: is not allowed; give one positive number"),
     ("[1, 2, 3]", "[-1, 2, 3]", "drag 1: displacement_mm: -1 is not allowed; give a finite number, at least 0"),
     ("load_n = 0.5", 'load_n = 0.5\nfoot = "left"', "drag 1: foot: 'left' is unknown; choose one of grips, slides"),
