@@ -99,7 +99,7 @@ class _Table:
         self.where, self.left = where, dict(data)
 
     def error(self, problem: str) -> ValueError:
-        return ValueError(f"{self.where}: {problem}")
+        return ValueError(f"{self.where}: {problem.removeprefix(f'{self.where}: ')}")
 
     def has(self, name: str) -> bool:
         return any(key == name or key.startswith(f"{name}_") for key in self.left)
@@ -189,7 +189,7 @@ def _diameter(table: _Table) -> Diameter:
 
 def _gait(load_gait: LoadGait, table: _Table) -> Gait:
     name = table.left.pop("gait", None)
-    if not isinstance(name, str):
+    if not isinstance(name, str) or not name:
         raise table.error("gait is missing; name inching, rolling or the file of a gait")
     try:
         design = _played(name, load_gait, table)

@@ -148,6 +148,8 @@ BAD = [
     ("hill:5", "moon", "gait 1: terrain: 'moon' is unknown"),
     ("speed_mm_per_s = 12.0", "", "gait 1: column speed is missing"),
     ('geometry = "small"', 'geometry = "large"', "geometry: 'large' is unknown; choose one of published, small"),
+    ("columns = 2", "pressure_kpa = -3", "a.toml: gait 1: pressure_kpa: -3 is not allowed; give a finite number"),
+    ('"inching"', '""', "gait 1: gait is missing; name inching, rolling or the file of a gait"),
     ("[[gait]]", "[[walk]]", "'walk' is unknown; give geometry and tables [[drag]], [[diameter]], [[gait]]"),
     ("[[drag]]", "[[drag]", "Expected ']]'"),
 ]
