@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from optim.problems import kind_of_run, offered_by_run, robot_of_run
 from optim.runs.config import read_config
 from optim.runs.history import History, read_history
-from robots.partly_fixed import freed, held_at, names_matching
+from robots.partly_fixed import freed, held_at, held_names, names_matching
 from robots.points import takes
 from robots.robot import KINDS, Robot, RobotKind, World, find_robot_doing, make_robot
 from taichi_sim.base.arrays import copied
@@ -123,11 +123,11 @@ def held_of_run(
         what: is wanted, for the message if there are no patterns.
 
     Raises:
-        ValueError: if nothing is held, so that the best design would not matter; for patterns that match nothing; if
-            there is no best design, or it is of several robots.
+        ValueError: if nothing is held, now or by the run, so that the best design would not matter; for patterns that
+            match nothing; if there is no best design, or it is of several robots.
     """
     found, best, worlds = offered_by_run(history)
-    if not patterns:
+    if not patterns and not held_names(found):
         free = some_of([parameter.name for parameter in found.parameters], FEW_TOLD)
         raise ValueError(f"hold: nothing of the best design of {history.path}; name {what}, of {free}")
     kind = KINDS.of(found)
@@ -138,7 +138,8 @@ def held_of_run(
         if parameter.name in names and not takes(parameter, point[parameter.name]):
             told = f"{point[parameter.name]:.6g}, beyond {parameter.low:g} to {parameter.high:g}"
             raise ValueError(f"hold: {parameter.name} of {history.path} is {told}; give a range that has it")
-    return held_at(robot, list(point.values()), names), tuple(kind.present_world(world) for world in worlds)
+    held = held_at(robot, list(point.values()), names) if names else robot
+    return held, tuple(kind.present_world(world) for world in worlds)
 
 
 def points_of(tried: Robot, designs: Designs) -> ArrayLike:

@@ -39,22 +39,27 @@ def held_at(robot: Robot, point: ArrayLike, patterns: str | Iterable[str]) -> "P
 
 
 def names_matching(robot: Robot, patterns: str | Iterable[str]) -> list[str]:
-    """Names of the parameters that match any of some patterns.
+    """Names of the free parameters that match any of some patterns; a pattern may match what is held already.
 
     Raises:
-        ValueError: for a pattern that matches none.
+        ValueError: for a pattern that matches nothing.
     """
-    names = [parameter.name for parameter in robot.parameters]
+    names, held = [parameter.name for parameter in robot.parameters], held_names(robot)
     if not names:
         raise ValueError(f"hold: nothing of {robot.name} is free; give the run that designed it, or its file")
     found = dict[str, None]()
     for pattern in [patterns] if isinstance(patterns, str) else patterns:
         new = [names[n] for n in matching(pattern, names)]
-        if not new:
+        if not new and not matching(pattern, held):
             told = ", ".join(names[:MOST_TOLD]) + (f", ... ({len(names)})" if len(names) > MOST_TOLD else "")
             raise ValueError(f"hold: {pattern} matches none of {told}{nearest(pattern, names)}")
         found |= dict.fromkeys(new)
     return list(found)
+
+
+def held_names(robot: Robot) -> list[str]:
+    """Names of the parameters that are held of a robot."""
+    return [*held_names(robot.robot), *robot.held] if isinstance(robot, PartlyFixed) else []
 
 
 def freed(robot: Robot, options: Mapping[str, Any]) -> Robot:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from optim.problem import Problem, RelaxableProblem
 from optim.problems.earlier import is_described_by
 from optim.runs.history import History
-from robots.partly_fixed import PartlyFixed, freed, held_as, held_at, inner_description, names_matching
+from robots.partly_fixed import PartlyFixed, freed, held_as, held_at, held_names, inner_description, names_matching
 from robots.robot import Option, Robot, RobotKind, World, find_robot_doing, lost_in, make_robot
 from taichi_sim.base.lazy import imported
 from taichi_sim.base.options import count, number
@@ -328,8 +328,8 @@ def _check_held(asked: DesignRequest, known: Robot) -> None:
     from optim.problems import offered_by_run
 
     of = known.robot if asked.best_of is None else offered_by_run(asked.best_of)[0]  # options may have freed more
-    if (held := sorted(known.held)) != sorted(names_matching(of, patterns)):
-        raise ValueError(f"hold: the run in {asked.out} holds {', '.join(held)}; leave it out")
+    if sorted(held_names(known)) != sorted([*held_names(of), *names_matching(of, patterns)]):
+        raise ValueError(f"hold: the run in {asked.out} holds {', '.join(sorted(known.held))}; leave it out")
 
 
 def _of_several(option: Option) -> str:

@@ -163,6 +163,24 @@ def test_other_parameters_than_those_held_are_refused_where_a_run_goes_on(crawle
 
 
 @pytest.mark.kernels
+def test_what_a_run_held_stays_held_without_another_word(crawler, morpholab):
+    assert morpholab(FOUND)[0] == 0
+    assert morpholab(f"codesign --robot run --hold '*_size' {FEW} --generations 0 --out gait")[0] == 0
+    size = held_in(crawler / "gait")
+    for hold, out in (("", "same"), ("--hold '*_size'", "again"), ("--hold '*_size' --hold frequency", "more")):
+        code, _, error = morpholab(f"codesign --robot gait {hold} {FEW} --generations 0 --out {out}")
+        assert code == 0, error
+        code, _, error = morpholab(f"codesign --resume {hold} --generations 1 --quiet --out {out}")
+        assert code == 0, error
+    assert held_in(crawler / "same") == held_in(crawler / "again") == size
+    assert held_in(crawler / "more").keys() == {"frequency"}
+    code, _, error = morpholab(f"measure --robot gait {TRIED} --out m")
+    assert code == 0, error
+    code, _, error = morpholab("codesign --resume --hold frequency --out same")
+    assert code == 2 and "hold: the run in same holds front_size; leave it out" in error
+
+
+@pytest.mark.kernels
 def test_weights_of_a_vehicle_are_held(crawler, morpholab):
     code, _, error = morpholab(f"codesign --robot vehicle --design 162 --hold w1 {FEW} --generations 0 --out a")
     assert code == 0, error
