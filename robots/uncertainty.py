@@ -164,6 +164,9 @@ class Uncertainty:
             raise ValueError(f"{told}; leave out {', '.join(of_ground)}")
         if self.slope and world.is_wet:
             raise ValueError(f"uncertain: {self.text} is not allowed with water, which is level; leave out slope")
+        if self.slope and abs(world.slope) + self.slope > STEEPEST:
+            told = f"uncertain: {self.text} is not allowed {world.where}, as draws would be steeper than"
+            raise ValueError(f"{told} {STEEPEST:g} degrees; give a smaller slope")
 
     def check(self, robot: Robot, world: World) -> None:
         """Check that a robot and its world have the quantities that are to be drawn.

@@ -75,6 +75,16 @@ class RigidMotion:
         energy = np.full(len(position), np.nan) if work is None else work
         return cls(places, turns, told, *begin, tree.masses, *names, time, robot.direction, sealed(energy))
 
+    @property
+    def began(self) -> Floats:
+        """Where the bodies are at the start, as ``SoftMotion`` calls it: ``start_places``."""
+        return self.start_places
+
+    @property
+    def ended(self) -> Any:
+        """Where the bodies are at the end, as ``SoftMotion`` calls it: ``places``."""
+        return self.places
+
     def centres(self, places: Any) -> Any:
         """Compute centres of mass [m], shape (..., 3), from the bodies' places, shape (..., N, 3)."""
         return (places * (self.masses / self.masses.sum())[:, None]).sum(axis=-2)

@@ -19,6 +19,7 @@ SOFTEST, STIFFEST = 100.0, 1e12  # Young's moduli [Pa]; jelly has some 1000, dia
 LIGHTEST, DENSEST = 20.0, 25_000.0  # densities [kg/m^3]; foams have 20 or more, platinum and iridium 22,000
 LEAST_SCALE, MOST_SCALE = 0.7, 1.4  # rest sizes of materials [edges], whose voxels all start with an edge of 1
 MOST_UNLIKE = 2.5  # largest over smallest rest size; beyond, links that are not balanced may feed bodies energy
+MOST_STIFF = 1e4  # square of how far sizes of neighbours differ, times modulus over the weight of a column of an edge
 MANY_CYCLES = 10.0  # phases grow along a body that waves travel through, but hardly to this
 
 
@@ -106,9 +107,10 @@ def _of_phases(robot: "LatticeRobot") -> Iterator[str]:
 
 def _of_reach(robot: "LatticeRobot") -> Iterator[str]:
     """Sizes of neighbours; not by curves and proportions, whose bounds are wider than what all of a voxel reaches."""
-    regions, links = np.asarray(robot.body.regions), robot.body.topology.links
+    body = robot.body
+    regions, links = np.asarray(body.regions), body.topology.links
     links = links[regions[links[:, 0]] != regions[links[:, 1]]]  # voxels of one region have one size
-    if robot.body.is_balanced or not len(links):
+    if body.is_balanced or not len(links):
         return
     plain = [drive for drive in robot.drives if not (drive.knots or drive.proportions)]
     least, most = (each[links] for each in reached_sizes(robot, plain))
@@ -117,3 +119,9 @@ def _of_reach(robot: "LatticeRobot") -> Iterator[str]:
     if most[worst] > MOST_UNLIKE * least[worst]:
         sizes = f"{robot.name} has neighbours of {least[worst]:.3g} and {most[worst]:.3g} edges"
         yield f"links: {sizes}, which may push it along on dry ground; compare with links balanced"
+        return
+    used = [body.materials[n] for n in np.unique(np.asarray(body.material_index))]
+    stiffness = max(each.youngs_modulus / each.density for each in used) / (9.81 * body.voxel_size)
+    if stiffness * float((most - least).max()) ** 2 > MOST_STIFF:
+        told = f"{robot.name} is stiff for its weight and size, so muscles may push it along or throw it on dry ground"
+        yield f"links: {told}; compare with links balanced"

@@ -116,7 +116,7 @@ def test_a_search_finds_gaits_that_need_less(tmp_path, morpholab):
 
 def cost_of_transport(motion):
     """Energy for a weight and a metre; of robots that hardly move that for a centimetre."""
-    way = (motion.centres(motion.places) - motion.centres(motion.start_places)) @ motion.heading
+    way = (motion.centres(motion.ended) - motion.centres(motion.began)) @ motion.heading
     return motion.energy / (9.81 * motion.masses.sum() * np.sqrt(way**2 + 1e-4))
 
 

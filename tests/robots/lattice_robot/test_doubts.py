@@ -71,6 +71,22 @@ def test_sizes_are_doubted_only_where_links_turn_bodies():
     assert not swelling(0.4).doubts() and not swelling(0.5, links="balanced").doubts()
 
 
+def test_stiff_links_are_doubted_where_muscles_move_much_for_the_weight():
+    """A table on four legs of 10 MPa went at 18 of its lengths a second, with balanced links at 0.1."""
+    regions = np.arange(4).reshape(4, 1, 1) // 2
+
+    def legs(modulus, edge, amplitude, **more):
+        material = dataclasses.replace(RUBBER, youngs_modulus=modulus)
+        body = body_from_array(np.ones((4, 1, 1), int), [material], edge, regions=regions)
+        drive = Drive("legs", (0, 1), amplitude=amplitude)
+        return LatticeRobot(dataclasses.replace(body, **more), (drive,), cycles=1, name="table").doubts()
+
+    (told,) = legs(1e7, 0.01, Free(0.0, 0.25))
+    assert told.startswith("links: table is stiff for its weight and size, so muscles may push it along or throw it on")
+    assert legs(1e8, 0.01, 0.1) == legs(1e7, 0.001, 0.1) == (told,)
+    assert not (legs(1e6, 0.01, 0.25) or legs(1e8, 0.01, 0.01) or legs(1e8, 0.01, 0.1, links="balanced"))
+
+
 def test_a_search_in_one_call_looks_at_its_robot():
     with pytest.warns(UserWarning, match=r"^phase: 360 of legs"), pytest.raises(ValueError, match=r"^method"):
         ml.maximise(ml.RobotProblem(robot_of(phase=Free(0.0, 360.0))), "nothing", generations=1)
