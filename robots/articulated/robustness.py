@@ -32,7 +32,7 @@ class ArticulatedDesign(FixedRobot):
     @property
     def can_be_judged(self) -> bool:  # type: ignore[override]
         """Whether there is friction, or a rhythm's time step, to change."""
-        return self.robot.controller == "rhythm" or 0 < self.robot.physics.friction < math.inf
+        return self.robot.controller == "rhythm" or bool(_frictions(self.robot))
 
     def judge(
         self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None
@@ -52,7 +52,8 @@ def trust_in(
 ) -> Trust:
     """Try a design, shape (P,), with its numbers a little off, with less friction, and with shorter time steps.
 
-    Friction is left out where it is 0, has no limit, or does not act, as afloat. Networks decide once a time step, so
+    Infinite friction gives way to that of the robot's file, whole and less. It is left out where it is 0, has no limit
+    there either, or does not act, as afloat. Networks decide once a time step, so
     shorter ones would change what they do, and are left out.
 
     Raises:
@@ -63,9 +64,9 @@ def trust_in(
     near = np.clip(point + noise, low, high)
     variants: dict[str, ArticulatedRobot] = {}
     afloat = isinstance(world, Terrain) and world.is_fluid
-    friction, step = robot.physics.friction, robot.physics.time_step
-    if 0 < friction < math.inf and not afloat:
-        variants |= {f"{part:g} of the friction": replace(robot, friction=part * friction) for part in FRICTIONS}
+    step = robot.physics.time_step
+    if not afloat:
+        variants |= {name: replace(robot, friction=friction) for name, friction in _frictions(robot).items()}
     if robot.controller == "rhythm":
         rate = 1 / (robot.hold * step)  # which stays
         for name, shorter in ((FINER, 2), (FINEST, 4)):
@@ -81,3 +82,13 @@ def trust_in(
     changed = {name: float(speed[0]) for name, speed in zip(variants, speeds[1:], strict=True)}
     alike = f"designs that differ by {100 * NOISE:g} % of their ranges"
     return Trust(speeds[0], changed, (FINER, FINEST), "m/s", alike)
+
+
+def _frictions(robot: "ArticulatedRobot") -> dict[str, float]:
+    """Coefficients of friction with which a robot is tried, by what they are called; none where none can be lower."""
+    friction, of_file = robot.physics.friction, robot.model.world.friction
+    if 0 < friction < math.inf:
+        return {f"{part:g} of the friction": part * friction for part in FRICTIONS}
+    if friction == math.inf and 0 < of_file < math.inf:
+        return {f"friction={part * of_file:g}": part * of_file for part in (*FRICTIONS, 1.0)}
+    return {}

@@ -37,12 +37,15 @@ def test_each_change_is_what_it_says():
 def test_friction_counts_only_where_there_is_some_and_steps_where_a_rhythm_plays():
     compute = Compute(**HERE)
     endless = ArticulatedRobot(CRAWLER, duration=0.2, friction=math.inf)
-    assert list(trust_in(endless, endless.start, endless.worlds[0], compute=compute).changed) == [FINER, FINEST]
+    found = trust_in(endless, endless.start, endless.worlds[0], compute=compute)
+    assert list(found.changed) == [*(f"friction={part:g}" for part in (*FRICTIONS, 1.0)), FINER, FINEST]  # of its file
+    own = ArticulatedRobot(CRAWLER, duration=0.2, friction=1.0)
+    assert found.changed["friction=1"] == simulate(own, [own.start], **HERE).distance[0] / 0.2
     afloat = ArticulatedRobot(CRAWLER, duration=0.2)
     assert list(trust_in(afloat, afloat.start, Terrain.parse("water"), compute=compute).changed) == [FINER, FINEST]
     network = ArticulatedRobot(CRAWLER, duration=0.2, controller="network")
     assert len(trust_in(network, network.start, network.worlds[0], compute=compute).changed) == len(FRICTIONS)
-    network = ArticulatedRobot(CRAWLER, duration=0.2, controller="network", friction=math.inf)
+    network = ArticulatedRobot(CRAWLER, duration=0.2, controller="network", friction=0.0)
     assert not network.design(network.start).can_be_judged and endless.design(endless.start).can_be_judged
     with pytest.raises(ValueError, match=r"^judge: a network without friction .* nothing to change; give --friction$"):
         trust_in(network, network.start, network.worlds[0], compute=compute)
