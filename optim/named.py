@@ -173,7 +173,7 @@ def points_of(tried: Robot, designs: Designs) -> ArrayLike:
             beyond |= (values < parameter.low) | (values > parameter.high)
         if beyond.any():
             allowed = f"give a number from {parameter.low:g} to {parameter.high:g}"
-            raise ValueError(f"designs: {values[beyond][0]:g} of {name} is not allowed; {allowed}")
+            raise ValueError(f"designs: {values[beyond][0]:.12g} of {name} is not allowed; {allowed}")
         points[:, names.index(name)] = values
     return points
 

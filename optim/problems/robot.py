@@ -33,6 +33,7 @@ from robots.partly_fixed import robot_of_description
 from robots.robot import KINDS, Facts, Measure, Outcome, Robot, Trial, World, without_lost
 from robots.uncertainty import Risk, Score
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import shown
 from taichi_sim.base.parsing import parse_json
 
 OVER = {"mean": ", the mean over the worlds", "each": " in each world", "worst": " in the worst world"}  # in reports
@@ -340,6 +341,8 @@ class RobotProblem(RobotDesignProblem):
     gradient_horizon: float | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.robot, Robot):
+            raise ValueError(f"robot: {shown(self.robot)} is not allowed; give a Robot, as morpholab.robot makes")
         object.__setattr__(self, "objective", named(self.objective))
         given = self.worlds if isinstance(self.worlds, Iterable) and not isinstance(self.worlds, str) else [self.worlds]
         # A robot of a file may be of a kind without an entry point, whose worlds are not named.

@@ -12,7 +12,7 @@ from robots.world import Terrain
 from taichi_sim.base.names import joined
 from taichi_sim.base.options import checked, flag, number, numbers
 
-SEVERAL = ("servos", "body_sizes", "hinge_stiffness", "drive_torque")  # options that are given one by one
+SEVERAL = ("angles", "servos", "body_sizes", "hinge_stiffness", "drive_torque")  # options that are given one by one
 SUFFIXES = (".xml", ".mjcf", ".urdf")
 REFLEXES = (
     "what it feels and changes its rhythm by: touch, angles, tilt, velocity, light, clock, acceleration, "
@@ -50,6 +50,18 @@ def _servo(text: str) -> dict[str, tuple[float, ...]]:
         told = "give NAME=STIFFNESS,DAMPING or NAME=STIFFNESS, as knee*=40,1, or these without a name for all"
         raise ValueError(f"servos: {text!r} is not allowed; {told}")
     return {name or "*": values}
+
+
+def _angle(text: str) -> dict[str, float]:
+    """Parse the angle of a hinge, such as ``knee=0.6``."""
+    name, _, angle = text.rpartition("=")
+    try:
+        value = float(angle)
+    except ValueError:
+        value = math.nan
+    if not name or not math.isfinite(value):
+        raise ValueError(f"angles: {text!r} is not allowed; give JOINT=RADIANS, as knee=0.6")
+    return {name: value}
 
 
 class ArticulatedKind(RobotKind):
@@ -109,6 +121,14 @@ class ArticulatedKind(RobotKind):
             "HZ",
         ),
         Option("time_step", "of the simulation, in seconds (default: the file's, or 0.002)", number(1e-6), "S"),
+        Option(
+            "angles",
+            "angle of a hinge at the start, in radians, by the name of its joint: knee=0.6; repeatable (default: the "
+            "file's)",
+            checked(_angle),
+            "JOINT=RAD",
+            several=True,
+        ),
         Option(
             "body_sizes",
             "size of bodies, in that of the file, by a name or a pattern of names: thigh*=0.5:2 is free between these, "
