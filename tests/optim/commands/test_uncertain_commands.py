@@ -196,6 +196,10 @@ def test_a_search_that_meets_few_draws_at_a_time_resumes_to_the_bit(morpholab, t
         ),
         ("--draws 4", "draws: 4 is not allowed without uncertain"),
         ("--risk worst", "risk: worst is not allowed without uncertain"),
+        (
+            "--uncertain slope=5 --terrain hill:44",
+            "slope=5.0 is not allowed on hill:44, as draws would be steeper than 45",
+        ),
         ("--uncertain slope=1 --terrain water", "uncertain: slope=1.0 is not allowed in water, which has no ground"),
     ],
 )
