@@ -41,7 +41,7 @@ from optim.interrupts import EndedBySignals, stopped_by
 from optim.notes import notes, plain, say
 from taichi_sim.base.checks import nearest
 from taichi_sim.base.disk_faults import unwritten
-from taichi_sim.base.foreign import OWN_PACKAGES, blame, blame_package, blaming_package, lacks_memory
+from taichi_sim.base.foreign import OWN_PACKAGES, blame, blame_package, blaming_package, lacks_memory, said_by
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
@@ -264,9 +264,8 @@ def _unusable(error: OSError, name: str = "") -> ValueError | RuntimeError:
 
 
 def _reason(error: Exception) -> str:
-    """The first line of an error, short."""
-    lines = str(error).strip().splitlines() or [type(error).__name__]
-    return lines[0][:LONGEST_SUMMARY]
+    """What an error says, short."""
+    return (said_by(error) or type(error).__name__)[:LONGEST_SUMMARY]
 
 
 def _open_streams() -> list[str]:

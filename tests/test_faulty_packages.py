@@ -53,6 +53,7 @@ Unlike = kind_of("unlike", lambda s, p, t: Outcome(both(p + np.ones(7))))
 Refusing = kind_of("refusing", lambda s, p, t: refuse(ValueError("world: I know none")))
 Fileless = kind_of("fileless", lambda s, p, t: open("/nowhere/at/all"))
 Speechless = kind_of("speechless", lambda s, p, t: refuse(Speechlessness()))
+Voiceless = kind_of("voiceless", lambda s, p, t: refuse(Voicelessness()))
 Leaving = kind_of("leaving", lambda s, p, t: refuse(SystemExit("bye")))
 Complex = kind_of("complex", lambda s, p, t: Outcome({"height": p[:, 0], "mass": p[:, 1] + 1j}))
 Wordy = kind_of("wordy", None, parameters=["push", "stroke"])
@@ -67,6 +68,10 @@ def refuse(error):
 class Speechlessness(Exception):
     def __str__(self):
         return 1 / 0
+
+
+class Voicelessness(Speechlessness, ValueError):
+    pass
 
 
 class Askless(PopulationSearch):
@@ -128,6 +133,7 @@ KINDS_OF_IT = (
     "Refusing",
     "Fileless",
     "Speechless",
+    "Voiceless",
     "Leaving",
     "Complex",
     "Wordy",
@@ -181,9 +187,10 @@ MISTAKES = {
     "unlike": "failed: {module}, line 40: ValueError: operands could not be broadcast together",
     "refusing": "error: world: I know none\n",
     "fileless": "failed: {module}, line 42: FileNotFoundError: [Errno 2] No such file or directory: '/nowhere",
-    "speechless": "failed: {module}, line 52: Speechlessness\n",
-    "leaving": "failed: {module}, line 52: SystemExit: bye\n",
-    "complex": "line 45: TypeError: measures of mass are complex, which is not allowed; give real numbers\n",
+    "speechless": "failed: {module}, line 53: Speechlessness\n",
+    "voiceless": "failed: {module}, line 53: Voicelessness\n",
+    "leaving": "failed: {module}, line 53: SystemExit: bye\n",
+    "complex": "line 46: TypeError: measures of mass are complex, which is not allowed; give real numbers\n",
     "wordy": "returns a robot whose parameters are ['push', 'stroke']; give a tuple of Parameter objects\n",
     "untold": "returns a robot without measures; name one at least, by which it is judged\n",
     "nothing": "error: robot: faulty_kit.Nothing.build returns a value of type NoneType; return a Robot\n",

@@ -222,12 +222,12 @@ def blaming_package(raised: BaseException, refusals: bool = False) -> Exception:
 def blame_package(error: BaseException, refusals: bool = False) -> str:
     """File and line of a package that adds to morpholab which is at fault for an exception; empty if none is.
 
-    A refusal, a ValueError or error of the system that morpholab or the package raises on purpose, is a fault only
-    where ``refusals`` says that there is nothing to refuse.
+    A refusal, a ValueError or error of the system that morpholab or the package raises on purpose and that says why, is
+    a fault only where ``refusals`` says that there is nothing to refuse.
     """
     if lacks_memory(error) or blame(error):
         return ""
-    if not refusals and isinstance(error, ValueError | OSError) and _is_meant(error):
+    if not refusals and isinstance(error, ValueError | OSError) and said_by(error) and _is_meant(error):
         return ""
     packages = _packages_that_add()
     walked = traceback.walk_tb(error.__traceback__)

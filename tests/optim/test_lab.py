@@ -257,3 +257,8 @@ def test_an_option_that_may_be_repeated_takes_one_text_or_several(tmp_path):
         assert [drive.name for drive in ml.robot(mesh, pitch=10, region=regions).drives] == ["legs"]
     with pytest.raises(ValueError, match=r"^region: 'legs' is not allowed; give NAME=FILE"):
         ml.robot(mesh, pitch=10, region=[f"legs={mesh}", "legs"])
+
+
+def test_a_problem_takes_a_robot_and_says_so():
+    with pytest.raises(ValueError, match=r"^robot: 'crawler.xml' is not allowed; give a Robot, as morpholab"):
+        ml.RobotProblem("crawler.xml")

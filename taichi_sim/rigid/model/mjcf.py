@@ -306,8 +306,8 @@ class MjcfReader:
 
     def all_ignored(self) -> tuple[str, ...]:
         """Entries of the file that the engine does not support, one for each kind."""
-        found = [f"<{tag}>" for tag in sorted({child.tag for child in self.root} & set(IGNORED))]
-        found = [f"{each} (angles can be given)" if each == "<keyframe>" else each for each in found]
+        tags = sorted({child.tag for child in self.root} & set(IGNORED))
+        found = [f"<{tag}>{' (angles can be given)' if tag == 'keyframe' else ''}" for tag in tags]
         found += [f"option {name}" for name in self.option.attrib if name not in _OPTIONS]
         found += [f"flag {name}" for name in self.flags if name not in _FLAGS]
         found += sorted({f"<{each.tag}> sensors" for each in self.root.iterfind("sensor/*") if each.tag != "touch"})

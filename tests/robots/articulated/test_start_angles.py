@@ -5,7 +5,6 @@ import json
 import pytest
 from articulated_files import CRAWLER
 
-from morpholab import RobotProblem
 from robots.articulated import load_robot
 
 pytestmark = [pytest.mark.kernels, pytest.mark.filterwarnings("ignore:model. ignored")]
@@ -31,11 +30,6 @@ def test_a_command_starts_hinges_at_angles_and_its_design_keeps_them(crawler, mo
     assert morpholab(f"codesign --robot crawler.xml {BENT} {search} --out run")[0] == 0
     assert json.loads((crawler / "run/best.json").read_text())["robot"]["angles"] == bent.angles
     assert morpholab("simulate --robot run/best.json --json")[0] == 0
-
-
-def test_a_problem_takes_a_robot_and_says_so(crawler):
-    with pytest.raises(ValueError, match=r"^robot: 'crawler.xml' is not allowed; give a Robot, as morpholab"):
-        RobotProblem("crawler.xml")
 
 
 @pytest.mark.parametrize(
